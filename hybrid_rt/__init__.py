@@ -29,7 +29,9 @@ _HOMES = {
     "Mix": "materials",
     "NamedPoints": "core.records",
     "Object": "scene.scene",
+    "OrthographicCamera": "sensor.orthographic",
     "PPMOptions": "integrators",
+    "PanoramicCamera": "sensor.panoramic",
     "PathOptions": "integrators",
     "Phong": "materials",
     "PhotonMapOptions": "integrators",
@@ -71,7 +73,7 @@ def __getattr__(name: str) -> Any:
     elif name in _HOMES:
         value = getattr(import_module(f"hybrid_rt.{_HOMES[name]}"), name)
     else:
-        raise AttributeError(f"module 'hybrid_rt' has no attribute {name!r}")
+        import_module("hybrid_rt.core.other_names").refuse(name, __all__)
     globals()[name] = value
     return value
 

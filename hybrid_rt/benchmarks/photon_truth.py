@@ -21,6 +21,7 @@ from hybrid_rt.primitives import Rectangle
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
+from hybrid_rt.sensor.projection import Projection
 from hybrid_rt.verify.light.light_tracer import BALL
 
 SIDE = 12
@@ -192,7 +193,7 @@ def _floor_scene(objects: list[Object], lamp: RectangleLight, with_screen: bool)
     return Scene(camera, objects, [lamp])
 
 
-def _light_of_image(camera: Camera) -> FloatArray:
+def _light_of_image(camera: Projection) -> FloatArray:
     """Return the radiance (height, width) of the floor under the whole image of the lamp.
 
     Lambert's formula: the irradiance of a polygon is half its radiance times the sum over edges of

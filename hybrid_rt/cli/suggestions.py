@@ -15,6 +15,8 @@ from difflib import get_close_matches
 from types import TracebackType
 from typing import Any
 
+from hybrid_rt.core.other_names import instead
+
 _NO_SUCH_ARGUMENT = re.compile(r"([\w.]+)\(\) got an unexpected keyword argument '(\w+)'")
 # What other renderers call it.
 _OPTION_OF = {
@@ -67,6 +69,9 @@ def suggestion(error: BaseException) -> str:
         if not wrong:
             return ""
         known = [name for name in known if name[:1] != "_"]
+        meant = "" if isinstance(error, TypeError) else instead(wrong, ())
+        if meant or "did you mean" in str(error):
+            return "" if meant in str(error) else f": {meant}"
         near = get_close_matches(wrong, known, n=1)
         if near:
             return f": did you mean {near[0]!r}?"

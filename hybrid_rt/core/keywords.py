@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import difflib
 import functools
 import inspect
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
-T = TypeVar("T", bound=Callable[..., Any])
+from hybrid_rt.core.other_names import like
 
-# How like a name has to be, from 0 to 1.
-LIKE = 0.7
+T = TypeVar("T", bound=Callable[..., Any])
 
 
 def explains(**meant: str) -> Callable[[T], T]:
@@ -50,5 +48,4 @@ def explains(**meant: str) -> Callable[[T], T]:
 def _instead(name: str, takes: list[str], meant: dict[str, str]) -> str:
     if name in meant:
         return f"pass {meant[name]}"
-    like = difflib.get_close_matches(name, takes, 1, LIKE)
-    return f"did you mean {like[0]!r}?" if like else f"it takes {', '.join(takes)}"
+    return like(name, takes) or f"it takes {', '.join(takes)}"

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
+from hybrid_rt.integrators.media.beginnings import MediaAroundCamera
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.sensor.passes import group_of
@@ -50,6 +51,12 @@ class CameraBlock:
     origins: FloatArray
     directions: FloatArray
 
+    def rows(self, rows: NDArray[np.intp]) -> CameraBlock:
+        """Return some of the rays."""
+        return CameraBlock(
+            self.pixel[rows], self.sample[rows], self.origins[rows], self.directions[rows]
+        )
+
 
 class Integrator(ABC):
     """Computes passes; each is a pure function of scene, settings, seed and pass number."""
@@ -59,6 +66,9 @@ class Integrator(ABC):
         self._contacts: Contacts | None = None
         if context.plan["contacts"]:
             self._contacts = Contacts(context.scene, context.tracer)
+        self._media_around_camera = MediaAroundCamera(context, self._contacts)
+        # The medium stack in which the rays of a block begin, (STACK,); (0,) without dielectrics.
+        self._camera_media = self._media_around_camera.middle
 
     def begin(self) -> None:  # noqa: B027 (a hook that most leave empty)
         """Compute, once, what all passes need; by default nothing."""
@@ -127,7 +137,13 @@ class Integrator(ABC):
         """Return the radiance (n, 3) of camera rays with these keys, see `CameraBlock`."""
         with self.context.ledger.stage("camera rays"):
             block = self._through(pixel, sample)
-        return self._radiance(block)
+        if not self._media_around_camera.differs:
+            return self._radiance(block)
+        radiance = np.zeros_like(block.directions)
+        for media, rows in self._media_around_camera.groups(block.origins):
+            self._camera_media = media
+            radiance[rows] = self._radiance(block.rows(rows))
+        return radiance
 
     def _through(self, pixel: UIntArray, sample: UIntArray) -> CameraBlock:
         """Return the camera rays with these keys, see `CameraBlock`."""

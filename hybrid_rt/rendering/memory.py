@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from hybrid_rt.core.memory import available_bytes, bytes_in_words
 from hybrid_rt.rendering.channels import numbers_per_pixel
-from hybrid_rt.sensor.camera import Camera
+from hybrid_rt.sensor.projection import Projection
 
 # Of each pixel: sums of four groups and of squares, one pass, the picture (as measured, 120); by
 # photons also the blur of each pixel and its squares (190). What ranks pixels by their error takes
@@ -19,13 +19,13 @@ PHOTON_SETS = 2
 
 
 def check_memory(
-    camera: Camera, photons: int, outputs: Sequence[str], passes: int | None = None
+    camera: Projection, photons: int, outputs: Sequence[str], passes: int | None = None
 ) -> None:
     """Raise if the render needs more memory than this process can have.
 
     Parameters
     ----------
-    camera : Camera
+    camera : Projection
     photons : int
         Number per pass; 0 without photons.
     outputs : sequence of str

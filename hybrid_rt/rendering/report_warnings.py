@@ -137,6 +137,12 @@ def scene_warnings(faults: dict[str, Any]) -> list[str]:
         'with UV coordinates, or take a CheckerTexture in "world"'
         for name in faults["pictures_on_meshes"]
     ]
+    fov = faults["narrow_view"]
+    if fov is not None:
+        lines.append(
+            f"the camera's vertical_fov is {fov:g} degrees, and no object fits into the picture: if radians are "
+            f"meant, pass {math.degrees(fov):.4g}"
+        )
     return lines
 
 

@@ -21,7 +21,7 @@ from hybrid_rt.materials.table import color_factor, compile_materials
 from hybrid_rt.primitives import TriangleMesh
 from hybrid_rt.primitives.vertex_normals import vertex_normals
 from hybrid_rt.scene.scene import Object, Scene
-from hybrid_rt.sensor.camera import Camera
+from hybrid_rt.sensor.projection import Projection
 from hybrid_rt.shading.kernels.bsdf import LobeTable
 from hybrid_rt.shading.kernels.environment import EnvironmentTable
 from hybrid_rt.shading.kernels.light_kinds import SURFACE, LightTable
@@ -63,7 +63,7 @@ class CompiledScene:
         Vertex normals (vertices, 3) float64 of smooth meshes, by index in ``surfaces``.
     """
 
-    camera: Camera
+    camera: Projection
     environment: Environment | None  # None as well if it is black
     surfaces: list[Any]
     names: list[str]

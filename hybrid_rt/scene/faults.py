@@ -9,6 +9,7 @@ from hybrid_rt.scene.compiled import CompiledScene
 from hybrid_rt.scene.in_one_plane import surfaces_in_one_plane
 from hybrid_rt.scene.lamps_in_bodies import lamps_in_bodies
 from hybrid_rt.scene.lamps_turned_away import lamps_turned_away
+from hybrid_rt.scene.narrow_view import narrow_view
 from hybrid_rt.scene.overlapping import overlapping_bodies
 from hybrid_rt.scene.pictures_on_meshes import pictures_on_meshes
 
@@ -31,4 +32,5 @@ def faults_of(scene: CompiledScene, tracer: Intersector) -> dict[str, Any]:
         "surfaces_in_one_plane": surfaces_in_one_plane(scene),
         "clear_bodies_overlap": overlapping_bodies(scene, tracer),
         "pictures_on_meshes": pictures_on_meshes(scene),
+        "narrow_view": narrow_view(scene),
     }

@@ -1,7 +1,8 @@
 """Rectangles that lie in one plane and overlap, or on a face of a box: one hides the other.
 
-A mirror or a picture in the plane of its wall is such a pair. Rays name one surface where two
-coincide, so the other may not be seen at all.
+A mirror or a picture in the plane of its wall is such a pair, and so are two lamps. Rays name one surface
+where two coincide, so the other may not be seen at all. (A `RectangleLight` is lifted out of what does not
+shine, or shines to the other side; see `hybrid_rt.scene.lamps_in_surfaces`.)
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ import numpy as np
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.primitives import Box, Rectangle
-from hybrid_rt.scene.compiled import CompiledScene
+from hybrid_rt.scene.compiled import NOTHING, CompiledScene
+from hybrid_rt.scene.lamp_points import size_by_camera
+from hybrid_rt.scene.lamps_in_surfaces import LIFT, MOST_LIFTS, name_of
 from hybrid_rt.shading.kernels.lobes.register import TRANSMITS
 from meshing.surface import Surface
 from meshing.trimmed import TrimmedSurface
@@ -30,9 +33,9 @@ MOST_PAIRS = 200
 
 
 def surfaces_in_one_plane(scene: CompiledScene) -> list[list[str]]:
-    """Return the pairs of surfaces of two opaque materials that overlap in one plane, by name.
+    """Return the pairs of surfaces that overlap in one plane and differ, by name.
 
-    These are two rectangles, trimmed or not, or one within a face of a box. (A box may well stand on a
+    They are of two opaque materials, or shine to the same side with different radiance. These are two rectangles, trimmed or not, or one within a face of a box. (A box may well stand on a
     rectangle that is larger than its face, or on a box.) Of trimmed ones that part counts that is inside
     the loops.
 
@@ -43,7 +46,7 @@ def surfaces_in_one_plane(scene: CompiledScene) -> list[list[str]]:
     is_clear = scene.materials_with(TRANSMITS)
     opaque = {
         i: surface
-        for i, surface in enumerate(scene.surfaces[: len(scene.called)])
+        for i, surface in enumerate(scene.surfaces)
         if not is_clear[scene.material_of[i]]
         and (isinstance(surface, Box) or _rectangle(surface) is not None)
     }
@@ -53,26 +56,50 @@ def surfaces_in_one_plane(scene: CompiledScene) -> list[list[str]]:
     of_row = [opaque[i] for i in rows]
     corners = np.array([_corners(surface) for surface in of_row])
     edges = corners[:, [1, 3]] - corners[:, :1]
-    material = scene.material_of[rows]
+    normals = np.array([_unit_normal(surface) for surface in of_row])
+    looks, is_lamp = _looks(scene)[rows], scene.light_of[rows] != NOTHING
+    is_light = scene.material_of[rows] == NOTHING
+    lifts = MOST_LIFTS * LIFT * size_by_camera(scene)
     found, n_pairs = [], 0
     for k, surface in enumerate(of_row[:-1]):
-        rectangle = _rectangle(surface)
-        assert rectangle is not None
-        normal = rectangle.unit_normal
-        others = np.arange(k + 1, len(rows))
+        normal, others = normals[k], np.arange(k + 1, len(rows))
         heights = (corners[others] - corners[k, 0]) @ normal
-        slack = SLACK * np.abs(corners[k]).max()
-        others = others[(np.abs(heights).max(axis=1) <= slack) & (material[others] != material[k])]
+        slack = SLACK * np.abs(corners[k]).max() + lifts * (is_lamp[others] | is_lamp[k])
+        is_pair = (np.abs(heights).max(axis=1) <= slack) & (looks[others] != looks[k])
+        hides = is_lamp[others] & is_lamp[k] & (normals[others] @ normal > 0.0)
+        is_pair &= hides | ~(is_light[others] | is_light[k])
+        others = others[is_pair]
         for other in others[_overlap(corners, edges, k, others, normal)].tolist():
             is_whole = isinstance(surface, Rectangle) and isinstance(of_row[other], Rectangle)
             n_pairs += not is_whole
             if is_whole or (n_pairs <= MOST_PAIRS and _share_points(surface, of_row[other])):
-                found.append([scene.called[rows[k]], scene.called[rows[other]]])
+                found.append([_name(scene, rows[k]), _name(scene, rows[other])])
     for i in sorted(set(opaque) - set(rows)):
-        others = np.flatnonzero(material != scene.material_of[i])
+        others = np.flatnonzero((looks != scene.material_of[i]) & ~is_light)
         for row in others[_on_a_face(opaque[i], corners[others])].tolist():
             found.append([scene.called[i], scene.called[rows[row]]])
     return found
+
+
+def _looks(scene: CompiledScene) -> IntArray:
+    """Return a number for each surface: of its material, or of a light's radiance, below 0."""
+    looks = scene.material_of.copy()
+    lights = np.flatnonzero(looks == NOTHING)
+    radiance = scene.lights.strength[scene.light_of[lights]]
+    if lights.size:
+        _, number = np.unique(radiance, axis=0, return_inverse=True)
+        looks[lights] = NOTHING - 1 - number.ravel()
+    return looks
+
+
+def _name(scene: CompiledScene, surface: int) -> str:
+    return name_of(scene, surface, int(scene.light_of[surface]))
+
+
+def _unit_normal(surface: Surface) -> FloatArray:
+    rectangle = _rectangle(surface)
+    assert rectangle is not None
+    return rectangle.unit_normal
 
 
 def _rectangle(surface: Surface) -> Rectangle | None:

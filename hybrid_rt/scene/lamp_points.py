@@ -44,7 +44,7 @@ def points_of_lamps(
 
 def size_by_camera(scene: CompiledScene) -> float:
     """Return the largest coordinate of the camera."""
-    return float(np.abs(scene.camera.look_from).max())
+    return float(np.abs(scene.camera.look_from).max()) + scene.camera.reach
 
 
 def _points(scene: CompiledScene, light: int, n: int) -> tuple[FloatArray, FloatArray] | None:

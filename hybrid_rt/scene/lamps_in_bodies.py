@@ -40,7 +40,7 @@ def lamps_in_bodies(scene: CompiledScene) -> list[dict[str, str]]:
     is_clear = scene.materials_with(TRANSMITS)
     bodies = [
         i
-        for i, surface in enumerate(scene.surfaces[: len(scene.called)])
+        for i, surface in enumerate(scene.surfaces)
         if isinstance(surface, Sphere | Box | Torus) and not is_clear[scene.material_of[i]]
     ]
     if not bodies:
@@ -60,9 +60,14 @@ def lamps_in_bodies(scene: CompiledScene) -> list[dict[str, str]]:
             if (
                 body != own
                 and _depth(surface, points, radius) > slack
-                and _depth(surface, camera.look_from[None], 0.0) < -camera.aperture - slack
+                and _depth(surface, camera.look_from[None], 0.0) < -camera.reach - slack
             ):
-                found.append({"lamp": name_of(scene, own, light), "body": scene.called[body]})
+                found.append(
+                    {
+                        "lamp": name_of(scene, own, light),
+                        "body": name_of(scene, body, int(scene.light_of[body])),
+                    }
+                )
                 break
     return found
 

@@ -38,8 +38,7 @@ def lamps_turned_away(scene: CompiledScene) -> tuple[list[str], list[str]]:
     if not lamps or not all(surface.is_bounded for surface in scene.surfaces):
         return [], []
     camera = scene.camera
-    lens = 0.5 * camera.aperture
-    eye = np.array([camera.look_from - lens, camera.look_from + lens])
+    eye = np.array([camera.look_from - camera.reach, camera.look_from + camera.reach])
     boxes = np.array([eye, *(surface.bounds for surface in scene.surfaces)])
     names, pictures = [], []
     for light in lamps:

@@ -116,8 +116,8 @@ def make_plan(scene: CompiledScene, integrator: Needs, left_out: Sequence[str] =
     plan.decide(
         "lens samples",
         scene.camera.has_lens,
-        f"the lens has diameter {scene.camera.aperture:g}",
-        "the camera is a pinhole",
+        f"the lens has diameter {2.0 * scene.camera.reach:g}",
+        "the camera has no lens",
     )
     plan.decide(
         "texture lookups",

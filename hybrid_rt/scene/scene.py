@@ -11,7 +11,7 @@ from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.one_line import call
 from hybrid_rt.lights.light import Environment, Light
 from hybrid_rt.materials.material import Material
-from hybrid_rt.sensor.camera import Camera
+from hybrid_rt.sensor.projection import Projection
 from meshing.surface import Surface
 
 
@@ -100,7 +100,7 @@ class Scene:
 
     Parameters
     ----------
-    camera : Camera
+    camera : Camera, OrthographicCamera or PanoramicCamera
     objects : sequence of Object
     lights : sequence of `hybrid_rt.lights.light.Light`
     environment : GradientSky or ImageEnvironment, optional
@@ -121,13 +121,15 @@ class Scene:
 
     def __init__(
         self,
-        camera: Camera,
+        camera: Projection,
         objects: Sequence[Object] = (),
         lights: Sequence[Light] = (),
         environment: Environment | None = None,
     ) -> None:
-        if not isinstance(camera, Camera):
-            raise TypeError(f"Scene camera is {checks.shown(camera)}: pass a Camera")
+        if not isinstance(camera, Projection):
+            raise TypeError(
+                f"Scene camera is {checks.shown(camera)}: pass a Camera, OrthographicCamera or PanoramicCamera"
+            )
         objects = checks.items(objects, "Scene objects")
         lights = checks.items(lights, "Scene lights")
         for i, item in enumerate(objects):
@@ -164,7 +166,7 @@ class Scene:
         size = f"camera {self.camera.width} x {self.camera.height}"
         return f"Scene({', '.join([*counts, *sky, size])})"
 
-    def with_camera(self, camera: Camera) -> Scene:
+    def with_camera(self, camera: Projection) -> Scene:
         """Return the same scene with another camera."""
         return Scene(camera, self.objects, self.lights, self.environment)
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.core import checks, exr
+from hybrid_rt.core import checks, exr, hdr
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.sensor.color import srgb_to_linear
 from hybrid_rt.shading.kernels.texture import CLAMP, IMAGE, REPEAT
@@ -22,10 +22,11 @@ class ImageTexture(Texture):
 
     Parameters
     ----------
-    image : path, or array (height, width), (height, width, 3) or (height, width, 4)
+    image : path, or array (height, width) or (height, width, 1 to 4)
         Row 0 is the upper one. Integers (8 or 16 bits) are decoded from sRGB, floats are taken as
-        linear; of one bit (bool), True is 1. Grey is used for all channels; an alpha channel is
-        ignored.
+        linear; of one bit (bool), True is 1. Grey, of one or two channels, is used for all three; an
+        alpha channel, the second or fourth, is ignored. A file holds one picture; .exr needs the
+        extra "exr", .hdr (Radiance) nothing.
     wrap : "repeat" or "clamp"
         What happens outside [0, 1].
 
@@ -99,24 +100,35 @@ def _read(path: Path, owner: str) -> NDArray[Any]:
     what = f"{owner} image is {str(path)!r}"
     if not path.is_file():
         raise FileNotFoundError(f"{what}: there is no such file")
-    reader = _read_exr if path.suffix.lower() == ".exr" else _read_picture
+    readers = {".exr": _read_exr, ".hdr": hdr.read_hdr, ".pic": hdr.read_hdr}
+    reader = readers.get(path.suffix.lower(), _read_picture)
     try:
         return reader(path)
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(f"{what}: {exr.NEEDED}") from error
+    except SeveralPicturesError as error:
+        raise ValueError(
+            f"{what}, of several pictures: pass one of them as an array, imageio.imread(file, index=0)"
+        ) from error
     except Exception as error:  # whatever the reader of that format raises
-        ending = path.suffix.lower()
-        if ending in {".hdr", ".pic"}:
-            raise ValueError(
-                f"{what}: {ending} files are not read: save it as .exr (in Blender by Save As)"
-            ) from error
-        raise ValueError(f"{what}: pass a picture file, it cannot be read as one") from error
+        because = f" ({error})" if reader is hdr.read_hdr else ""
+        raise ValueError(
+            f"{what}: pass a picture file, it cannot be read as one{because}"
+        ) from error
+
+
+class SeveralPicturesError(Exception):
+    """A file holds several pictures, as an animation does."""
 
 
 def _read_picture(path: Path) -> NDArray[Any]:
     import imageio.v3 as imageio
 
-    image: NDArray[Any] = imageio.imread(path)
+    # Of some formats, as GIF, `imread` returns a stack of all pictures.
+    pictures = imageio.imiter(path)
+    image: NDArray[Any] = np.asarray(next(pictures))
+    if next(pictures, None) is not None:
+        raise SeveralPicturesError
     if image.ndim == 3 and image.shape[2] == 4 and imageio.immeta(path).get("mode") == "CMYK":
         image = imageio.imread(path, mode="RGB")  # four inks are no colour and alpha
     return image
@@ -130,14 +142,14 @@ def _read_exr(path: Path) -> NDArray[Any]:
 
 
 def _linear(image: NDArray[Any], what: str) -> NDArray[np.float32]:
-    if image.ndim == 3 and image.shape[2] == 2:  # grey, and alpha
+    if image.ndim == 3 and image.shape[2] in {1, 2}:  # grey, and alpha
         image = image[:, :, 0]
     if image.ndim == 2:
         image = np.repeat(image[:, :, None], 3, axis=2)
     if image.ndim != 3 or image.shape[2] not in {3, 4} or image.size == 0:
         raise ValueError(
-            f"{what} has shape {image.shape}: pass (height, width), (height, width, 3) or "
-            "(height, width, 4)"
+            f"{what} has shape {image.shape}: pass (height, width), or (height, width, n) with 1 channel "
+            "(grey), 2 (grey, alpha), 3 (red, green, blue) or 4 (and alpha)"
         )
     image = image[:, :, :3]
     if image.dtype == np.bool_:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from hybrid_rt.core import checks
 from hybrid_rt.core.one_line import one_or_three
 from hybrid_rt.core.records import FloatArray
+from hybrid_rt.sensor.color import srgb_to_linear
 from hybrid_rt.shading.kernels import texture as kernels
 from meshing.checks import shown
 
@@ -126,6 +127,12 @@ def _refuse_pictures(color: Texture | ArrayLike, what: str) -> None:
     """Refuse the name of a picture or of a colour, and the array of a picture."""
     if isinstance(color, str | os.PathLike):
         name = shown(os.fspath(color))
+        linear = linear_color(os.fspath(color))
+        if linear is not None:
+            raise TypeError(
+                f"{what} is {name}: pass three numbers, linear; of this colour "
+                f"({', '.join(f'{x:.4g}' for x in linear)})"
+            )
         raise TypeError(
             f"{what} is {name}: pass a number, three numbers or a texture; of a picture, "
             f"ImageTexture({name})"
@@ -135,3 +142,14 @@ def _refuse_pictures(color: Texture | ArrayLike, what: str) -> None:
         raise ValueError(
             f"{what} has shape {tuple(shape)}: pass one number, three, or for a picture ImageTexture(array)"
         )
+
+
+def linear_color(name: str) -> FloatArray | None:
+    """Return the linear values (3,) of a colour as in CSS, as "#ff8000" or "orange"; None: it is none."""
+    from PIL import ImageColor
+
+    try:
+        color = ImageColor.getrgb(name)
+    except ValueError:
+        return None
+    return srgb_to_linear(np.array(color[:3]) / 255.0)

@@ -146,7 +146,7 @@ class Block(NamedTuple):
     origins: Any  # (n, 3) float64
     directions: Any  # (n, 3) float64, unit
     # What they are weighed against light paths by; (0,) without.
-    camera_pdf: Any  # (n,) float64, pdf per solid angle
+    camera_pdf: Any  # (n,) float64, see `hybrid_rt.sensor.projection.Projection.direction_pdf`
     pass_number: Any  # (n,) int64, among the passes that are traced together
 
 
@@ -451,6 +451,8 @@ def depart(world, rules, paths, vertex, depth, block, points, column, branch, ra
     camera_pdf, number = 0.0, 0
     if rules.has_light_paths:
         camera_pdf, number = block.camera_pdf[row], block.pass_number[row]
+        if camera_pdf < 0.0:  # of parallel rays: per area across them, so here per solid angle
+            camera_pdf *= -vertex.hit.t[0] * vertex.hit.t[0]
     had_spread = paths.carried[0] > 0.0
     fate, n, has_branch = leave_vertex(
         world, rules, paths, vertex, depth, camera_pdf, number, points, column, branch, rays, n

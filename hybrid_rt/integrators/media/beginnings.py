@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
-from hybrid_rt.scene.compiled import NOTHING
+from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.scene.lamp_points import points_of_lamps
 from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
 from hybrid_rt.shading.kernels.medium_stack import STACK
@@ -19,6 +20,8 @@ MOST_CROSSINGS = 256
 # None of a scene's likely directions, unit: a ray along an edge would count both faces.
 SKEW = np.array([[0.5612, 0.6383, 0.5269]])
 SKEW /= np.linalg.norm(SKEW)
+# Points of a lens or film, each way, that are looked at.
+ACROSS = 32
 
 
 def media_at(
@@ -96,12 +99,78 @@ def _put(held: IntArray, bodies: IntArray, grows: bool) -> IntArray:
     return held
 
 
-def media_around_camera(context: RenderContext, contacts: Contacts | None) -> IntArray:
-    """Return the medium stack of camera rays, (STACK,); (0,) without dielectrics."""
-    if not context.plan["medium stack"]:
-        return np.empty(0, dtype=np.int32)
-    around: IntArray = media_at(context, contacts, context.scene.camera.look_from[None])[0]
-    return around
+class MediaAroundCamera:
+    """The medium stacks in which camera rays begin.
+
+    1024 points of a lens or film are looked at. If all of them lie in the same bodies, so does all of it.
+    Else each ray is looked at by itself.
+
+    Parameters
+    ----------
+    context : RenderContext
+    contacts : Contacts or None
+        None if no dielectric touches another surface.
+
+    Attributes
+    ----------
+    middle : (STACK,) int32
+        At the middle of the lens or film; (0,) without dielectrics.
+    differs : bool
+        Whether rays begin in several media.
+    is_in_the_open : bool
+        Whether all begin outside of all dielectrics.
+    """
+
+    def __init__(self, context: RenderContext, contacts: Contacts | None) -> None:
+        self._context, self._contacts = context, contacts
+        self.middle: IntArray = np.empty(0, dtype=np.int32)
+        self.differs, self.is_in_the_open = False, True
+        if not context.plan["medium stack"]:
+            return
+        camera = context.scene.camera
+        self._boxes = _boxes_of_clear_bodies(context.scene)
+        self.middle = media_at(context, contacts, camera.look_from[None])[0]
+        media = self.middle[None]
+        if camera.reach > 0.0:
+            side = (np.arange(ACROSS) + 0.5) / ACROSS
+            xi = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+            places, _ = camera.rays(xi[:, 0] * camera.width, xi[:, 1] * camera.height, xi)
+            media = self.at(places)
+        self.differs = bool((media != self.middle).any())
+        self.is_in_the_open = not (media != NOTHING).any()
+
+    def at(self, origins: FloatArray) -> IntArray:
+        """Return the medium stack at each of the points (n, 3) of the lens or film, (n, STACK)."""
+        media = np.full((len(origins), self.middle.size), NOTHING, dtype=np.int32)
+        if self.middle.size:
+            low, high = self._boxes[:, 0], self._boxes[:, 1]
+            above, below = low <= origins[:, None], origins[:, None] <= high
+            rows = np.flatnonzero(np.all(above & below, axis=2).any(axis=1))
+            media[rows] = media_at(self._context, self._contacts, origins[rows])
+        return media
+
+    def of_rays(self, origins: FloatArray) -> IntArray:
+        """Return the medium stacks of rays that begin in these points (n, 3), (n, STACK)."""
+        return self.at(origins) if self.differs else np.repeat(self.middle[None], len(origins), 0)
+
+    def groups(self, origins: FloatArray) -> Iterator[tuple[IntArray, NDArray[np.intp]]]:
+        """Yield each medium stack in which some of these rays (n, 3) begin, and the rows of these."""
+        stacks, number = np.unique(self.at(origins), axis=0, return_inverse=True)
+        for k, stack in enumerate(stacks):
+            yield stack, np.flatnonzero(number.ravel() == k)
+
+
+def _boxes_of_clear_bodies(scene: CompiledScene) -> FloatArray:
+    """Return a box around each clear body, (bodies, 2, 3); it may be infinite."""
+    boxes: dict[int, FloatArray] = {}
+    for i in range(len(scene.called)):
+        material, surface = int(scene.material_of[i]), scene.surfaces[i]
+        if scene.glass_of[material] == NOTHING:
+            continue
+        box = surface.bounds if surface.is_bounded else np.array([[-np.inf] * 3, [np.inf] * 3])
+        low, high = boxes.get(material, box)
+        boxes[material] = np.array([np.minimum(low, box[0]), np.maximum(high, box[1])])
+    return np.array(list(boxes.values())).reshape(-1, 2, 3)
 
 
 class MediaAroundLights:

@@ -29,7 +29,7 @@ from hybrid_rt.integrators.kernels.connections import (
 from hybrid_rt.integrators.kernels.light_paths import LightPaths, LightVertices
 from hybrid_rt.integrators.light_points import leaving_points
 from hybrid_rt.integrators.media.absorption import absorb, square_of_index
-from hybrid_rt.integrators.media.beginnings import MediaAroundLights
+from hybrid_rt.integrators.media.beginnings import MediaAroundCamera, MediaAroundLights
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
 from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.sampling.sampler import UIntArray
@@ -114,8 +114,7 @@ class LightPathTracer:
     light : SurfaceLight
     contacts : Contacts or None
         None if no dielectric touches another surface.
-    camera_media : (STACK,) int32, or (0,)
-        Medium stack of the camera.
+    around_camera : MediaAroundCamera
     options : PathOptions
         Number of light subpaths.
     keeps_all : bool
@@ -137,7 +136,7 @@ class LightPathTracer:
         context: RenderContext,
         light: SurfaceLight,
         contacts: Contacts | None,
-        camera_media: IntArray,
+        around_camera: MediaAroundCamera,
         options: PathOptions,
         keeps_all: bool,
     ) -> None:
@@ -150,7 +149,7 @@ class LightPathTracer:
         self._before = np.cumsum(self._emit)
         sends = np.flatnonzero(self._emit[:-1])
         self._media_around = MediaAroundLights(context, contacts, sends.tolist())
-        self._media_of_camera = camera_media
+        self._media_around_camera = around_camera
         # Rough glass is a delta surface where it is hidden, or the index is the same on both sides.
         self._may_be_delta = scene.materials_with(DELTA | TRANSMITS)
         self._narrow = scene.narrow_materials
@@ -328,7 +327,7 @@ class LightPathTracer:
         value = np.empty((n, 3))
         splat_light_vertices(
             points, context.scene.lobes, way, pdf, float(self.n_paths),
-            np.repeat(self._media_of_camera[None], n, axis=0), context.max_depth, value,
+            self._media_around_camera.of_rays(points.position - way), context.max_depth, value,
         )  # fmt: skip
         rows = np.flatnonzero(value.any(axis=1))
         named = NamedPoints(points.object_id[rows], points.position[rows])

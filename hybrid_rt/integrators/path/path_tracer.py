@@ -50,7 +50,6 @@ from hybrid_rt.integrators.kernels.vertex_points import (
 )
 from hybrid_rt.integrators.kernels.ways import ALL_ASKED, NOTHING_ASKED, SKY_ASKED
 from hybrid_rt.integrators.light_points import new_light_points
-from hybrid_rt.integrators.media.beginnings import media_around_camera
 from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.integrators.path.balls import balls_of, no_balls
 from hybrid_rt.integrators.path.boxes import boxes_of, no_boxes
@@ -116,7 +115,6 @@ class PathTracer(Integrator):
         lights, plan = context.scene.lights, context.plan
         asks = self._options.samples_lights and bool(lights.chance.any())
         self._samples_lights = asks and (plan["light samples"] or plan["sky samples"])
-        self._camera_media = media_around_camera(context, self._contacts)
         self._split_glass = glass_alone(context.scene)
         self._joins = diffuse_materials(context.scene.lobes)
         self._ends_known = self._joins & ~context.scene.materials_with(DELTA)[:-1]
@@ -127,7 +125,7 @@ class PathTracer(Integrator):
                 context,
                 self._light,
                 self._contacts,
-                self._camera_media,
+                self._media_around_camera,
                 self._options,
                 keeps_all=self._may_connect_all(),
             )

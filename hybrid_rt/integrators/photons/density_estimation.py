@@ -26,7 +26,7 @@ from hybrid_rt.integrators.kernels.density_estimate import (
 )
 from hybrid_rt.integrators.kernels.photon_steps import IS_SHOWN, Photons
 from hybrid_rt.scene.compiled import CompiledScene
-from hybrid_rt.sensor.camera import Camera
+from hybrid_rt.sensor.projection import Projection
 from hybrid_rt.shading.kernels.bsdf import LobeTable, Vertices
 from hybrid_rt.shading.kernels.lobes.register import WIDE
 
@@ -187,7 +187,7 @@ class Radii:
 
     @classmethod
     def of(
-        cls, photons: Photons, share: float, camera: Camera, extent: float, threads: int
+        cls, photons: Photons, share: float, camera: Projection, extent: float, threads: int
     ) -> Radii:
         """Return radii from the distances between photons.
 
@@ -197,7 +197,7 @@ class Radii:
             The first photons.
         share : float
             Their number over that of a pass.
-        camera : Camera
+        camera : Projection
             Discs are at least as wide as its pixels: smaller ones add noise and no resolution.
         extent : float
             Size of the scene; where photons are very sparse, the radius is a fraction of it.
@@ -213,8 +213,7 @@ class Radii:
         distance = np.asarray(found, dtype=np.float64)[:, 0]
         # Where many photons fall in one point the distance is zero, and no radius may be.
         radius = distance * math.sqrt(NEAREST * share / wanted)
-        away = np.linalg.norm(position - camera.look_from, axis=1)
-        radius = np.maximum(radius, PIXELS * camera.pixel_size * away)
+        radius = np.maximum(radius, PIXELS * camera.pixel_widths(position))
         # The widest disc would hold less than a photon: what is seen is small beside what they light.
         is_sparse = bool(np.median(radius) > math.sqrt(NEAREST) * WIDEST * extent)
         widest = (WIDEST_ASKED if is_sparse else WIDEST) * extent

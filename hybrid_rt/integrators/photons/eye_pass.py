@@ -25,7 +25,6 @@ from hybrid_rt.integrators.integrator import (
 from hybrid_rt.integrators.kernels.compaction import Paths, add_products, pack_paths
 from hybrid_rt.integrators.kernels.density_estimate import Sums, segments_to_photons
 from hybrid_rt.integrators.media.absorption import absorb, square_of_index
-from hybrid_rt.integrators.media.beginnings import media_around_camera
 from hybrid_rt.integrators.path.camera_paths import leaving_camera
 from hybrid_rt.integrators.photons.branching import (
     Branching,
@@ -38,7 +37,6 @@ from hybrid_rt.integrators.photons.density_estimation import Discs, Field, Point
 from hybrid_rt.integrators.photons.photon_tracer import PhotonTracer
 from hybrid_rt.integrators.shading import Shading
 from hybrid_rt.sampling.sampler import UIntArray
-from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.shading.kernels.emitter import BOTH, LIGHT_ONLY
 from hybrid_rt.shading.kernels.lobes.register import EVERY, FOLLOWED, NARROW, WIDE
 from hybrid_rt.shading.kernels.scatter import (
@@ -138,8 +136,7 @@ class EyePass(Integrator):
         asks = bool(lights.chance.any())
         self.casts_shadow_rays = asks and (plan["light samples"] or plan["sky samples"])
         self._casts_them_for_narrow = self.casts_shadow_rays and bool((lobes.traits & NARROW).any())
-        self._camera_media = media_around_camera(context, self._contacts)
-        self.is_in_the_open = not (self._camera_media != NOTHING).any()
+        self.is_in_the_open = self._media_around_camera.is_in_the_open
         self._is_wide = context.scene.lobes_with(WIDE)
         self._branching = Branching(context)
         self._follows = context.scene.materials_with(FOLLOWED)

@@ -21,7 +21,7 @@ from hybrid_rt.integrators.kernels.density_estimate import splat_photons
 from hybrid_rt.integrators.kernels.photon_steps import MET_SPECULAR, Flight, Photons
 from hybrid_rt.integrators.photons.density_estimation import NEAREST, PIXELS
 from hybrid_rt.integrators.shading import NO_RATIO, Shading
-from hybrid_rt.sensor.camera import Camera
+from hybrid_rt.sensor.projection import Projection
 from hybrid_rt.shading.kernels.bsdf import LobeTable
 from hybrid_rt.shading.kernels.lobes.register import NARROW, WIDE
 
@@ -61,7 +61,9 @@ class DensePlaces:
         self._position, self._reach = position, reach
 
     @classmethod
-    def of(cls, photons: Photons, share: float, camera: Camera, threads: int) -> DensePlaces | None:
+    def of(
+        cls, photons: Photons, share: float, camera: Projection, threads: int
+    ) -> DensePlaces | None:
         """Return where a disc as wide as a pixel holds enough caustic photons; None: nowhere.
 
         ``share`` is the number of these photons over that of a pass.
@@ -74,7 +76,7 @@ class DensePlaces:
 
         found, _ = cKDTree(position).query(position, [wanted + 1], workers=threads)
         radius = np.asarray(found)[:, 0] * math.sqrt(NEAREST * share / wanted)
-        pixel = PIXELS * camera.pixel_size * np.linalg.norm(position - camera.look_from, axis=1)
+        pixel = PIXELS * camera.pixel_widths(position)
         is_dense = radius < pixel
         if is_dense.mean() < LEAST_SHARE:
             return None
@@ -85,10 +87,9 @@ class DensePlaces:
         dense = self._position[self._reach > 0.0]
         judged = dense[:: max(len(dense) // MOST_JUDGED, 1)]
         camera = context.scene.camera
-        _, _, pdf = camera.sees(judged)
-        origin = np.broadcast_to(camera.look_from, judged.shape)
+        way, _, pdf = camera.sees(judged)
         tracer = context.tracer.with_own_counters()
-        is_hidden = tracer.occluded(origin, judged - origin, 1.0 - BEFORE_END)
+        is_hidden = tracer.occluded(judged - way, way, 1.0 - BEFORE_END)
         return bool(np.mean((pdf > 0.0) & ~is_hidden) >= LEAST_SHARE)
 
     def hold(self, position: FloatArray) -> BoolArray:

@@ -26,7 +26,7 @@ from hybrid_rt.integrators.integrator import PIXEL_BITS
 from hybrid_rt.integrators.kernels.density_estimate import Sums
 from hybrid_rt.integrators.kernels.photon_steps import MET_SPREADING, Flight, Photons
 from hybrid_rt.integrators.light_found import letters_of_lights
-from hybrid_rt.integrators.media.beginnings import media_around_camera
+from hybrid_rt.integrators.media.beginnings import MediaAroundCamera
 from hybrid_rt.integrators.media.contacts import Contacts
 from hybrid_rt.integrators.photons import PPM
 from hybrid_rt.integrators.photons.density_estimation import Discs, Field, Radii
@@ -334,7 +334,7 @@ def probe_of(
     )
     own = context_for_photons(context, scene, max_depth)
     contacts = Contacts(scene, own.tracer) if own.plan["contacts"] else None
-    if (media_around_camera(own, contacts) != NOTHING).any():
+    if not MediaAroundCamera(own, contacts).is_in_the_open:
         return None
     return Probe(own, contacts, beginnings, chosen, dimension)
 

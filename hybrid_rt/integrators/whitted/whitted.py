@@ -25,7 +25,6 @@ from hybrid_rt.integrators.integrator import (
 )
 from hybrid_rt.integrators.kernels.compaction import add_to_pixels
 from hybrid_rt.integrators.media.absorption import absorb, square_of_index
-from hybrid_rt.integrators.media.beginnings import media_around_camera
 from hybrid_rt.integrators.shading import NO_RATIO, Shading
 from hybrid_rt.integrators.whitted.all_lights import AllLights
 from hybrid_rt.sampling.sampler import UIntArray
@@ -92,7 +91,6 @@ class Whitted(Integrator):
         super().__init__(context)
         self._light = AllLights(context)
         lobes = context.scene.lobes
-        self._camera_media = media_around_camera(context, self._contacts)
         # Traits of the n-th lobe of each material, and a last row for what has none (`NOTHING`).
         self._traits_in_slot = np.zeros((self._light.n_slots, lobes.first.size), dtype=np.int32)
         for material, (first, stop) in enumerate(pairwise(lobes.first)):

@@ -17,6 +17,7 @@ from hybrid_rt.primitives import Rectangle, Sphere
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
+from hybrid_rt.sensor.projection import Projection
 from hybrid_rt.verify.stability.row import Effort, Outcome, row
 from meshing import TrimmedSurface, polygon
 
@@ -29,7 +30,7 @@ DOWN = Camera((0, 0, 1.5), (0, 0, 0), (0, 1, 0), vertical_fov=40, width=24, heig
 BALL_LAMP, BALL_CAMERA = np.array([3.0, -5.0, 4.0]), np.array([0.0, -6.0, 0.0])
 
 
-def mean_over(camera: Camera, radiance: Callable[[FloatArray], FloatArray]) -> float:
+def mean_over(camera: Projection, radiance: Callable[[FloatArray], FloatArray]) -> float:
     """Return the mean over the film of a function of points on the plane z = 0."""
     place = (np.arange(96) + 0.5) / 96
     column, row = np.meshgrid(place * camera.width, place * camera.height)

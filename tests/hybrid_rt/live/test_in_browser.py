@@ -91,7 +91,7 @@ def _shows_what_is_known(browser):
     for words in ("rays per second", "camera", "tangent", "rays certified", "peak memory"):
         assert words in counts
     assert "finds every kind of light path" in browser.run("$('missing').innerText")
-    assert "the camera is a pinhole" in browser.run("$('plan-left-out').textContent")
+    assert "the camera has no lens" in browser.run("$('plan-left-out').textContent")
 
 
 def _controls_do_what_they_say(browser, earlier):

@@ -231,7 +231,7 @@ class TestPlan:
 
     def test_reasons_are_in_words(self):
         plan = render(scene(Mirror()), passes=1).report["plan"]
-        assert plan["light"]["left_out"]["lens samples"] == "the camera is a pinhole"
+        assert plan["light"]["left_out"]["lens samples"] == "the camera has no lens"
         assert "  + mirror rays: at least one surface is a mirror" in explain(plan)
         assert "  - glass rays: no surface is a dielectric" in explain(plan)
 

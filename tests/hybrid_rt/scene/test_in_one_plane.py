@@ -3,7 +3,18 @@
 import numpy as np
 import pytest
 
-from hybrid_rt import Box, Camera, Dielectric, Lambertian, Mirror, Object, Rectangle, Scene, render
+from hybrid_rt import (
+    Box,
+    Camera,
+    Dielectric,
+    Emissive,
+    Lambertian,
+    Mirror,
+    Object,
+    Rectangle,
+    Scene,
+    render,
+)
 from hybrid_rt.lights import RectangleLight
 from hybrid_rt.rendering.report_warnings import warnings_in_words
 from hybrid_rt.scene.compiled import compile_scene
@@ -176,3 +187,52 @@ def test_a_dial_on_a_face_of_a_box_is_named():
     assert named(box, TrimmedSurface(floor, [circle((0.5, 0.5), 0.3)])) == []
     wide = Rectangle((-9, -1, 3), (18, 0, 0), (0, 0, 2))
     assert len(named(box, TrimmedSurface(wide, [circle((0.5, 0.5), 0.1)]))) == 1
+
+
+def lamp(rectangle, radiance, turned=False):
+    edges = (rectangle.edge_u, rectangle.edge_v)
+    return RectangleLight(rectangle.corner, *(edges[::-1] if turned else edges), radiance)
+
+
+BESIDE = piece(1.0, 0, (1, 0), (0, 1))
+PART = piece(0.9, 0.4, (0.7, 0.1), (0, 0.2))
+
+
+@pytest.mark.parametrize("other", [PART, piece(-1, -1, (9, 0), (0, 9))])
+def test_lamps_that_hide_each_other_are_named(other):
+    shining, dial = Object(other, Emissive(4), "shining"), Object(DIAL, Emissive(4), "dial")
+
+    def named_of(objects, lights):
+        return surfaces_in_one_plane(compile_scene(Scene(CAMERA, objects, lights)))
+
+    for lights in ([lamp(WALL, 1), lamp(other, 5)], [lamp(other, (1, 1, 2)), lamp(WALL, 1)]):
+        assert named_of([], lights) == [["lights[0]", "lights[1]"]]
+    assert named_of([shining], [lamp(WALL, 1)]) == [["object 'shining'", "lights[0]"]]
+    assert named_of([dial], [lamp(WALL, 1)]) == [["object 'dial'", "lights[0]"]]
+    for alone in (
+        # One lamp of two parts; to both sides; side by side; one before the other; out of a wall.
+        ([], [lamp(WALL, 1), lamp(other, 1)]),
+        ([], [lamp(WALL, 1), lamp(other, 5, turned=True)]),
+        ([shining], [lamp(WALL, 1, turned=True)]),
+        ([], [lamp(WALL, 1), lamp(BESIDE, 5)]),
+        ([], [lamp(WALL, 1), lamp(piece(0.9, 0.4, (0.7, 0), (0, 0.2), away=1e-6), 5)]),
+        ([Object(other, Lambertian(0.5))], [lamp(WALL, 1)]),
+    ):
+        assert named_of(*alone) == []
+
+
+@pytest.mark.parametrize("far", [1.0, 1e4])
+def test_lamps_are_named_in_either_order_however_far_they_were_lifted(far):
+    """They are moved by 2^-32 of the distance of the camera before they are looked at."""
+    lamps = [
+        RectangleLight((-1, -1, 2), (0, 2, 0), (2, 0, 0), 1),
+        RectangleLight((-0.5, -0.5, 2), (0, 1, 0), (1, 0, 0), 5),
+    ]
+    floor = Object(Rectangle((-4, -4, 0), (8, 0, 0), (0, 8, 0)), Lambertian(0.5), "floor")
+    camera = Camera((0, -far, 1), (0, 0, 0), (0, 0, 1), 1, 4, 4)
+    for lights in (lamps, lamps[::-1]):
+        report = render(Scene(camera, [floor], lights), "whitted", 1, threads=1).report
+        assert report["surfaces_in_one_plane"] == [["lights[0]", "lights[1]"]]
+        assert any(
+            "lights[0] and lights[1] lie in one plane" in line for line in report["warnings"]
+        )

@@ -118,3 +118,15 @@ def test_in_the_tube_of_a_ring_and_in_its_hole(place, is_in):
 )  # fmt: skip
 def test_others_are_not(objects, lamp, camera):
     assert named([FLOOR, *objects], [lamp], **camera) == []
+
+
+def test_lamps_within_lamps():
+    """A lamp hides what is within it; where two balls pass through each other, both light."""
+    bulb = SphereLight((0, 0, 3), 1, 2)
+    for lamp in (
+        SphereLight((0.2, 0, 3), 0.5, 9),
+        RectangleLight((0, 0, 3), (0, 0.2, 0), (0.2, 0, 0), 9),
+    ):
+        assert named([FLOOR], [bulb, lamp]) == [{"lamp": "lights[1]", "body": "lights[0]"}]
+        assert named([FLOOR], [lamp, bulb]) == [{"lamp": "lights[0]", "body": "lights[1]"}]
+    assert named([FLOOR], [bulb, SphereLight((0.8, 0, 3), 0.5, 9)]) == []

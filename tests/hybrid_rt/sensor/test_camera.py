@@ -1,6 +1,9 @@
+import re
+
 import numpy as np
 import pytest
 
+from hybrid_rt import GradientSky, Lambertian, Object, Scene, Sphere, render
 from hybrid_rt.sensor.camera import Camera
 
 SOUND = {"look_from": (1, 2, 3), "look_at": (4, -2, 3), "up": (0, 0, 1)}
@@ -85,3 +88,23 @@ def test_impossible_cameras_are_refused_by_name(changes, words):
 def test_one_pixel_is_a_picture():
     _, directions = camera(width=1, height=1).rays(np.array([0.5]), np.array([0.5]))
     np.testing.assert_allclose(directions, [[0.6, -0.8, 0]], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("fov", "far", "is_named"),
+    [
+        (0.7, 4.0, True),
+        (1.6, 4.0, True),
+        (40.0, 4.0, False),
+        (0.7, 400.0, False),
+        (0.01, 4.0, False),
+    ],
+)
+def test_a_field_of_view_that_seems_to_be_in_radians_is_named(fov, far, is_named):
+    """Where the ball, one across, fits into the picture, it is a telescope."""
+    view = Camera((0, -far, 0), (0, 0, 0), (0, 0, 1), fov, 8, 6)
+    scene = Scene(view, [Object(Sphere((0, 0, 0), 0.5), Lambertian(0.5))], [], GradientSky(1, 1))
+    report = render(scene, "whitted", 1, threads=1).report
+    assert report["narrow_view"] == (fov if is_named else None)
+    words = f"vertical_fov is {fov:g} degrees, .* if radians are meant, pass {np.degrees(fov):.4g}"
+    assert bool(re.search(words, " ".join(report["warnings"]))) == is_named

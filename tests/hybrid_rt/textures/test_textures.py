@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from hybrid_rt import Emissive, Lambertian
 from hybrid_rt.sensor.color import srgb_to_linear
 from hybrid_rt.shading.kernels.texture import texture_color
 from hybrid_rt.textures import CheckerTexture, ImageTexture
@@ -85,6 +86,39 @@ def test_inks_and_grey_with_alpha_are_no_colours(tmp_path):
     np.testing.assert_allclose(swapped.brightest, srgb_to_linear(1000 / 65535), rtol=1e-6)
 
 
+def test_grey_of_one_channel_and_of_two():
+    grey = np.arange(6, dtype=np.uint8).reshape(2, 3, 1) * 40
+    for picture in (grey, np.dstack([grey, 255 - grey]), grey[:, :, 0]):
+        expected = srgb_to_linear(grey / 255.0).repeat(3, axis=2)
+        np.testing.assert_allclose(ImageTexture(picture).texels, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("mode", ["P", "L", "RGB"])
+def test_gif_of_one_picture_is_one_and_of_several_is_refused(tmp_path, mode):
+    grey = np.array([[0, 255, 255, 0], [255, 0, 0, 255], [0, 0, 255, 0]], dtype=np.uint8)
+    picture = Image.fromarray(grey)
+    picture.convert(mode).save(tmp_path / "one.gif")
+    expected = (grey / 255.0)[:, :, None].repeat(3, axis=2)
+    np.testing.assert_array_equal(ImageTexture(tmp_path / "one.gif").texels, expected)
+    more = [Image.fromarray(255 - grey)]
+    picture.save(tmp_path / "two.gif", save_all=True, append_images=more)
+    with pytest.raises(ValueError, match=r"two.gif', of several pictures: pass one of them"):
+        ImageTexture(tmp_path / "two.gif")
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [("#ff0000", "(1, 0, 0)"), ("#808080", "(0.2159, 0.2159, 0.2159)"), ("lime", "(0, 1, 0)")],
+)
+def test_names_of_colours_are_answered_with_their_linear_values(name, values):
+    for make in (Lambertian, Emissive):
+        with pytest.raises(TypeError) as caught:
+            make(name)
+        assert f"pass three numbers, linear; of this colour {values}" in str(caught.value)
+    with pytest.raises(TypeError, match="ImageTexture"):
+        Lambertian("red.png")
+
+
 def test_arrays_are_copied():
     image = np.ones((2, 2, 3), dtype=np.float32)
     texture = ImageTexture(image)
@@ -144,7 +178,7 @@ def test_radiance_of_an_exr_file_is_taken_as_it_is(tmp_path, channels):
     ("name", "hint"),
     [
         ("sky.exr", "pass a picture file, it"),
-        ("sky.hdr", r"save it as \.exr \(in Blender by Save As\)"),
+        ("sky.hdr", r"it cannot be read as one \(it does not begin as a Radiance picture does\)"),
     ],
 )
 def test_what_is_no_picture_is_refused(tmp_path, name, hint):
