@@ -96,7 +96,11 @@ def by_brightness(surface: Surface, texture: Texture) -> Weighted:
             glow += colors.mean(axis=(1, 2)) / 16.0
     mean = float(sampler.share @ glow) or 1.0
     weight: FloatArray = glow / mean + LEAST_GLOW
-    return Weighted(sampler, weight)
+    weighted = Weighted(sampler, weight)
+    even = surface.area_sampler()
+    assert even is not None  # it is bounded
+    weighted.area = even.area
+    return weighted
 
 
 def _averaged(texture: ImageTexture) -> ImageTexture:

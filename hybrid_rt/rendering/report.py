@@ -224,11 +224,11 @@ def _noise_and_check(
     n, camera = film.n_passes, context.scene.camera
     lamps = unmet_light(context.scene, n, ends_at_matt, context.options.samples_lights)
     place = unmet_place(context.scene, check, film, n * camera.width * camera.height)
-    unmet = twelve_digits(max(lamps, place))
-    half = max(interval_of_noise(noise) + blur.of_mean_at_most, unmet)
+    lamps, place = twelve_digits(lamps), twelve_digits(place)
+    half = max(interval_of_noise(noise) + blur.of_mean_at_most, lamps, place)
     lost = twelve_digits(context.ledger.lost_share())
     lacks, is_contradicted = missing_light(check, noise, half, lost)
-    noise |= {"unmet_lamps_95": unmet, "half_interval_95_of_image_mean": max(half, lacks)}
+    noise |= {"unmet_lamps_95": lamps, "half_interval_95_of_image_mean": max(half, lacks)}
     estimate = None if check is None else check.mean
     if estimate is None:
         return {"noise": noise, "cross_check": None}
@@ -241,6 +241,7 @@ def _noise_and_check(
             "interval_95": [estimate.low, estimate.high],
             "of_highlights": estimate.of_highlights,
             "brightest_place": estimate.brightest_place,
+            "unmet_place_95": place,
             "image_mean_lacks_at_most": lacks,
             "contradicts": is_contradicted,
         },

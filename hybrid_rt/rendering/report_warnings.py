@@ -236,7 +236,7 @@ def _contradicted(report: dict[str, Any]) -> list[str]:
 def _unmet_lamps(report: dict[str, Any]) -> list[str]:
     """Return a warning of lamps that no camera ray has met, if they decide the interval and may matter."""
     noise = report["noise"]
-    if noise is None or not unmet_decides(noise):
+    if noise is None or not unmet_decides(report):
         return []
     if report["stopped_by"] in ERRORS:
         return _target_without_lamps(report)
@@ -245,8 +245,8 @@ def _unmet_lamps(report: dict[str, Any]) -> list[str]:
         return []
     is_path = report["settings"]["integrator"] == "path"
     words = (
-        "lamps, a sun in the sky, or bright places, that camera rays meet by chance alone (in mirrors or glass, "
-        f"as specks, behind openings), may not have been met yet: the brightest may add up to {unmet:.2g} to the image mean of "
+        "lamps, or a sun in the sky, that camera rays meet by chance alone, in mirrors or glass or as "
+        f"specks, may not have been met yet: the brightest may add up to {unmet:.2g} to the image mean of "
         f"{mean:.3g} (a limit, by the brightest alone: often far more than they add)"
         f"{': take ppm, which sends photons from there' if is_path else ''}"
     )
@@ -255,12 +255,8 @@ def _unmet_lamps(report: dict[str, Any]) -> list[str]:
 
 def _target_without_lamps(report: dict[str, Any]) -> list[str]:
     """Return a warning if a target was reached that lamps that no camera ray has met may exceed."""
-    noise, settings = report["noise"], report["settings"]
-    unmet, mean, target = (
-        noise["unmet_lamps_95"],
-        noise["image_mean"],
-        settings[report["stopped_by"]],
-    )
+    settings, mean = report["settings"], report["noise"]["image_mean"]
+    unmet, target = unmet_at_most(report), settings[report["stopped_by"]]
     if unmet <= target * mean:
         return []
     relative, passes = "", "more passes"
@@ -270,9 +266,9 @@ def _target_without_lamps(report: dict[str, Any]) -> list[str]:
         passes = f"about {float(f'{needed:.2g}'):,.0f} passes"
     by = "" if settings["integrator"] == "path" else " (integrator path makes them soonest)"
     words = (
-        f"the target error {target:g} does not count lamps, a sun in the sky, or bright places, that camera rays "
-        "meet by chance alone (in mirrors or glass, as specks, behind openings), and have not met yet: the brightest may add up to "
-        f"{unmet:.2g} to the image mean of {mean:.3g}{relative}. Pass no target, but {passes}{by}"
+        f"the target error {target:g} does not count lamps, a sun in the sky, or bright places, that camera "
+        "rays meet by chance alone (in mirrors or glass, as specks, behind openings), and have not met yet: "
+        f"the brightest may add up to {unmet:.2g} to the image mean of {mean:.3g}{relative}. Pass no target, but {passes}{by}"
     )
     return [words]
 
@@ -305,10 +301,16 @@ def in_up_to(measured: dict[str, Any]) -> str:
     return f" in up to {measured['max_depth']} bounces"
 
 
-def unmet_decides(noise: dict[str, Any]) -> bool:
-    """Tell whether unmet lamps make the interval of the mean: if one had been met, noise would."""
-    unmet = noise["unmet_lamps_95"]
-    return bool(unmet > 0.0 and unmet >= noise["half_interval_95_of_image_mean"])
+def unmet_at_most(report: dict[str, Any]) -> float:
+    """Return what lamps and places that no camera ray has met may add to the mean, at most (95 %)."""
+    check = report["cross_check"]
+    place = 0.0 if check is None else check["unmet_place_95"]
+    return float(max(report["noise"]["unmet_lamps_95"], place))
+
+
+def unmet_decides(report: dict[str, Any]) -> bool:
+    """Tell whether unmet light makes the interval of the mean: if it had been met, noise would."""
+    return bool(0.0 < unmet_at_most(report) >= report["noise"]["half_interval_95_of_image_mean"])
 
 
 def refused_workers(cluster: dict[str, Any]) -> list[str]:

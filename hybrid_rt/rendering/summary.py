@@ -153,14 +153,14 @@ def _noise(report: dict[str, Any]) -> str:
         f"  noise     {at_most}{per_cent(noise['relative_rmse'])} of the picture (relative RMSE, "
         f"estimated); image mean{', blurred,' if report['picture_is_blurred'] else ''}"
         f"{of_what(report)} {noise['image_mean']:.6g} +- {half:.1g} (95 %)"
-        f"{_unmet(noise)}{_worst_pixels(report)}{_scale(noise) or _dark(report)}{_not_met(report)}"
+        f"{_unmet(report)}{_worst_pixels(report)}{_scale(noise) or _dark(report)}{_not_met(report)}"
         f"{_blur(report['relative_error'])}"
     )
 
 
-def _unmet(noise: dict[str, Any]) -> str:
+def _unmet(report: dict[str, Any]) -> str:
     """Return what of the interval is for lamps that no camera ray has met, if that decides it."""
-    if not unmet_decides(noise):
+    if not unmet_decides(report):
         return ""
     return (
         "\n            the interval allows for ways to the brightest lamp or place that no camera ray has "
@@ -216,7 +216,7 @@ def short_cautions(report: dict[str, Any]) -> list[str]:
         cautions.append(f"few pixels decide it: noise {trimmed} without the worst 0.1 %")
     if _dark(report):
         cautions.append("relative to 0.1 where pixels are darker, as most are")
-    if unmet_decides(noise):
+    if unmet_decides(report):
         cautions.append("without lamps seen in glass or metal that were not met yet")
     return cautions
 

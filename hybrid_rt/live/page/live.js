@@ -51,6 +51,7 @@ const REASONS = {
   target_error_trimmed: "the target error of most pixels is reached", interrupted: "ended by Ctrl-C",
   watcher: "stopped here", blur: "the blur keeps the target out of reach", not_finite: "some pixels are not finite",
   cluster_lost: "the cluster was lost",
+  contradicted: "photons find light that the target error does not count",
 };
 
 function showState() {

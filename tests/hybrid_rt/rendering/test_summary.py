@@ -70,7 +70,7 @@ def test_a_black_picture_is_a_warning(integrator):
     dark = render(Scene(camera, [floor, shade], [inside]), integrator, passes=2, threads=1).report
     assert "WARNING   the picture is black: no light arrives" in in_words(dark)
     lit = render(Scene(camera, [floor, shade], [inside, above]), integrator, passes=2, threads=1)
-    assert "is black" not in in_words(lit.report)
+    assert not warnings_in_words(lit.report)
 
 
 def test_a_bright_spot_in_a_dark_picture_does_not_hide_its_noise():
@@ -141,9 +141,7 @@ class TestTargetWithoutLamps:
         view = Scene(self.CAMERA, [self.FLOOR, *panes], [sun], GradientSky(0.2, 0.2))
         report = render(view, threads=1, passes=16).report
         (words,) = warnings_in_words(report)
-        assert words.startswith(
-            "lamps, a sun in the sky, or bright places, that camera rays meet by chance alone"
-        )
+        assert words.startswith("lamps, or a sun in the sky, that camera rays meet by chance alone")
         assert words.endswith("take ppm, which sends photons from there")
         photons = render(view, "ppm", threads=1, passes=16, options=PPMOptions(20_000)).report
         assert photons["noise"]["image_mean"] > 2.0 * report["noise"]["image_mean"]
