@@ -134,7 +134,8 @@ def offer(i, t, t_bound, n_dot_d, tangent, object_id, primitive, a, b, t_min, kn
     lower primitive, then the lower (a, b): whichever was found first makes no difference. A root that
     its bound allows on both sides of t_min makes the row TANGENT; but the origin itself, t = 0, is no hit.
     """
-    if not t + t_bound > t_min[i]:
+    is_ahead = t > t_min[i]
+    if not is_ahead and not t + t_bound > t_min[i]:
         return False
     t_best = best.t[i]
     if t > t_best:
@@ -157,7 +158,7 @@ def offer(i, t, t_bound, n_dot_d, tangent, object_id, primitive, a, b, t_min, kn
         return False
     if is_unseen(i, object_id, known):
         return False
-    if not t > t_min[i]:
+    if not is_ahead:
         if t != 0.0:
             best.doubt[i] = min(best.doubt[i], t_min[i])
         return False
