@@ -68,7 +68,7 @@ def assert_same(found, expected):
         assert np.array_equal(a, b), f"{name} of {np.count_nonzero(a != b)} rays"
 
 
-@pytest.mark.parametrize("scale", [1.0, 1e-9, 1e12, 1e-80])
+@pytest.mark.parametrize("scale", [1.0, 1e-9, 1e12, 1e-55])
 @pytest.mark.parametrize("n", [1, 7, 40])
 def test_rectangles(n, scale):
     """Aimed at rims, at corners and along the planes; 40 rectangles take two masks."""
@@ -91,8 +91,7 @@ def test_rectangles(n, scale):
     trace_rectangles(table, table.object_id.size, rays, some, True)
     assert np.array_equal(some.object_id >= 0, expected.object_id >= 0)
     assert np.count_nonzero(expected.object_id >= 0) > N // 20
-    # Squares of the smallest sizes underflow.
-    assert np.count_nonzero(np.isfinite(expected.doubt)) > 0 or scale < 1e-70
+    assert np.count_nonzero(np.isfinite(expected.doubt)) > 0
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-9, 1e12])
