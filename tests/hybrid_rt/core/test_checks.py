@@ -57,7 +57,10 @@ def mesh(vertices, faces):
         (lambda: Sphere((0, 0, 0), [1, 2]), r"Sphere radius is \[1, 2\]: pass one number"),
         (lambda: Plane((0, 0, "z"), UP), "Plane point is .*: pass real numbers"),
         (lambda: Lambertian("a.png"), r"color is 'a.png': .* texture; .*ImageTexture\('a.png'\)"),
-        (lambda: Emissive("white"), r"radiance is 'white': pass three numbers, linear; of this colour \(1, 1, 1\)"),
+        (
+            lambda: Emissive("white"),
+            r"radiance is 'white': pass three numbers, linear; of this colour \(1, 1, 1\)",
+        ),
         (lambda: Dielectric("BK7"), "ior is 'BK7': pass real numbers .*no catalogue of glasses"),
         (lambda: Dielectric((1.5, 2)), r"ior is \(1.5, 2\): pass one number .*no catalogue"),
         (lambda: Box(None, (1, 1, 1)), "Box lo is None: pass real numbers"),

@@ -296,6 +296,16 @@ def descriptors(n):
         resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
 
+def answers(page):
+    """Ask until there is an answer: while many others knock one may be sent away."""
+    until = time.perf_counter() + 5.0
+    while time.perf_counter() < until:
+        with contextlib.suppress(http.client.HTTPException, ConnectionError):
+            return ask(page, "/about")[0] == 200
+        time.sleep(0.01)
+    return False
+
+
 def settled(count, most):
     """Connections that end do so in threads of their own."""
     until = time.perf_counter() + 5.0
@@ -316,7 +326,7 @@ def test_descriptors_stay_free_for_the_picture(page, request, tmp_path):
     """Of 24 more than are open, 16 are left, and the page still answers who has the token."""
     with descriptors(max(int(item.name) for item in Path("/dev/fd").iterdir()) + 25):
         request.getfixturevalue("knock")
-        assert ask(page, "/about")[0] == 200
+        assert answers(page)
         with contextlib.ExitStack() as held:
             for k in range(served.RESERVE - served.FOR_A_MOMENT):
                 held.enter_context((tmp_path / f"{k}").open("wb"))
