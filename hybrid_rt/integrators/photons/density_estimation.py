@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -91,6 +91,15 @@ class Points:
     xi: FloatArray
     widest: FloatArray
 
+    def rows(self, rows: NDArray[np.intp]) -> Points:
+        """Select rows."""
+        return Points(
+            *(
+                column[rows] if len(column) else column
+                for column in (getattr(self, field.name) for field in fields(self))
+            )
+        )
+
     @property
     def vertices(self) -> Vertices:
         """The arrays as kernels take them."""
@@ -117,8 +126,11 @@ class Field(ABC):
         self._lobes = lobes
         self._tree: cKDTree = cKDTree(photons.position)
 
-    def radiance(self, points: Points) -> Sums:
-        """Estimate the radiance that the wide lobes of points reflect from photons."""
+    def radiance(self, points: Points) -> tuple[Sums, FloatArray]:
+        """Estimate the radiance that the wide lobes of points reflect from photons.
+
+        The second array (n,) has the radii of the discs.
+        """
         n = points.material.size
         sums = Sums(
             np.zeros((n, 3)),
@@ -126,13 +138,16 @@ class Field(ABC):
             np.zeros(n, dtype=np.int64),
             np.full(n, -1, dtype=np.int64),
         )
-        if len(self.photons.history):
-            self._gather(points, points.xi.copy(), sums)
-        return sums
+        if not len(self.photons.history):
+            return sums, np.zeros(n)
+        return sums, self._gather(points, points.xi.copy(), sums)
 
     @abstractmethod
-    def _gather(self, points: Points, xi: FloatArray, sums: Sums) -> None:
-        """Find pairs of points and photons and `_add` them, all pairs of a point at once."""
+    def _gather(self, points: Points, xi: FloatArray, sums: Sums) -> FloatArray:
+        """Find pairs of points and photons and `_add` them, all pairs of a point at once.
+
+        Returns the radii.
+        """
 
     def _add(
         self,
@@ -293,7 +308,7 @@ class Discs(Field):
         found[within] = np.where(is_shown & (faces == agree), nearest, -1)
         return found
 
-    def _gather(self, points: Points, xi: FloatArray, sums: Sums) -> None:
+    def _gather(self, points: Points, xi: FloatArray, sums: Sums) -> FloatArray:
         first_radius, class_of = self._radii.around(points.position, points.widest)
         radius = self._shrink * first_radius
         for number, reach in enumerate(self._reach):
@@ -311,6 +326,7 @@ class Discs(Field):
                 rows, most = rows[is_full], most[is_full]
             for part in _parts(most):
                 self._add(self._all(points, rows[part], reach), radius, points, xi, sums)
+        return radius
 
     def _few(
         self, points: Points, rows: NDArray[np.intp], reach: float, at_most: int
@@ -354,7 +370,7 @@ class Nearest(Field):
         self._nearest = min(nearest, max(len(photons.history), 1))
         self._limit = limit
 
-    def _gather(self, points: Points, xi: FloatArray, sums: Sums) -> None:
+    def _gather(self, points: Points, xi: FloatArray, sums: Sums) -> FloatArray:
         position = points.position
         at_once = max(MOST_PAIRS // self._nearest, 1)
         radius = np.full(len(position), self._limit)
@@ -372,6 +388,7 @@ class Nearest(Field):
             row, k = np.nonzero(np.isfinite(distance))
             pairs = first + row, np.asarray(number)[row, k], distance[row, k]
             self._add(pairs, radius, points, xi, sums)
+        return radius
 
 
 def widest_discs(scene: CompiledScene) -> FloatArray:

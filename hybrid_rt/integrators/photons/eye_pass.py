@@ -23,7 +23,7 @@ from hybrid_rt.integrators.integrator import (
     place_of_pixel,
 )
 from hybrid_rt.integrators.kernels.compaction import Paths, add_products, pack_paths
-from hybrid_rt.integrators.kernels.density_estimate import Sums, segments_to_photons
+from hybrid_rt.integrators.kernels.density_estimate import LARGEST_HEIGHT, Sums, segments_to_photons
 from hybrid_rt.integrators.media.absorption import absorb, square_of_index
 from hybrid_rt.integrators.path.camera_paths import leaving_camera
 from hybrid_rt.integrators.photons.branching import (
@@ -33,10 +33,17 @@ from hybrid_rt.integrators.photons.branching import (
     rows_of_paths,
     rows_of_shading,
 )
+from hybrid_rt.integrators.photons.covered_discs import (
+    MOST_SEGMENTS,
+    Draw,
+    ThinPlaces,
+    one_over_coverage,
+)
 from hybrid_rt.integrators.photons.density_estimation import Discs, Field, Points, widest_discs
 from hybrid_rt.integrators.photons.photon_tracer import PhotonTracer
 from hybrid_rt.integrators.shading import Shading
 from hybrid_rt.sampling.sampler import UIntArray
+from hybrid_rt.sensor.film import OVERFLOWS
 from hybrid_rt.shading.kernels.emitter import BOTH, LIGHT_ONLY
 from hybrid_rt.shading.kernels.lobes.register import EVERY, FOLLOWED, NARROW, WIDE
 from hybrid_rt.shading.kernels.scatter import (
@@ -55,6 +62,8 @@ FEWEST_AT_ONCE = 2**14
 # Of the points of a block without photons, so many are asked for photons shown to the camera.
 MOST_ASKED = 1024
 # What the low-discrepancy points of one step are for.
+# That of the first segment across a disc.
+COVERAGE_DIMENSION = np.uint64(2**45)
 TO_LIGHT, TO_LIGHT_NARROW, DIRECTION, CHOICE, TO_PHOTON, PER_STEP = 0, 1, 2, 3, 4, 5
 
 
@@ -95,6 +104,8 @@ class EyePass(Integrator):
         Traces the photons of this thread.
     fields : tuple of Field
         The photon maps of the current pass.
+    thin_places : ThinPlaces or None
+        Where discs are wider than what they lie on.
     n_camera_rays : int
         Camera rays through each pixel in a pass.
     n_shadow_rays : int
@@ -119,6 +130,7 @@ class EyePass(Integrator):
         super().__init__(context)
         self.photon_tracer = PhotonTracer(context, self._contacts)
         self.fields: tuple[Field, ...] = ()
+        self.thin_places: ThinPlaces | None = None
         self.n_camera_rays = 1
         self.n_shadow_rays = 1
         camera = context.scene.camera
@@ -161,7 +173,7 @@ class EyePass(Integrator):
         return radiance / n
 
     def _radiance(self, block: CameraBlock) -> FloatArray:
-        radiance, blur = np.zeros_like(block.directions), np.zeros_like(block.directions)
+        radiance = np.zeros_like(block.directions)
         paths = leaving_camera(block, self._camera_media)
         waiting: list[Waiting] = []
         for depth in range(self.context.max_depth + 1):
@@ -194,15 +206,19 @@ class EyePass(Integrator):
                 break
         # --- light at all these places: few large questions are answered faster
         if waiting:
-            points = Waiting.joined(waiting)
-            if self.casts_shadow_rays:
-                with self.context.ledger.stage("shade"):
-                    self._add_direct(points, radiance)
-            if self.fields:
-                self._gather(points, radiance, blur)
-                # A pixel may have several rays in the block.
-                np.add.at(self.blur, place_of_pixel(block.pixel), blur / self.n_camera_rays)
+            self._add_at(Waiting.joined(waiting), block, radiance)
         return radiance
+
+    def _add_at(self, points: Waiting, block: CameraBlock, radiance: FloatArray) -> None:
+        """Add the light at all points of a block."""
+        if self.casts_shadow_rays:
+            with self.context.ledger.stage("shade"):
+                self._add_direct(points, radiance)
+        if self.fields:
+            blur = np.zeros_like(radiance)
+            self._gather(points, radiance, blur)
+            # A pixel may have several rays in the block.
+            np.add.at(self.blur, place_of_pixel(block.pixel), blur / self.n_camera_rays)
 
     def _points(self, paths: Paths, depth: UIntArray | int, use: int) -> FloatArray:
         dimension = FIRST_PATH_DIMENSION + depth * PER_STEP + use
@@ -241,9 +257,27 @@ class EyePass(Integrator):
     def _gather(self, waiting: Waiting, radiance: FloatArray, blur: FloatArray) -> None:
         """Add the light of photons at all points of a block."""
         camera_ray, throughput = waiting.paths.camera_ray, waiting.paths.throughput
+        points = self._points_of(waiting)
+        for field in self.fields:
+            with self.context.ledger.stage("gather"):
+                sums, radius = field.radiance(points)
+            hidden = self._hidden(points, field, sums.chosen)
+            sums.value[hidden] = sums.blur[hidden] = 0.0
+            with self.context.ledger.stage("cover of discs"):
+                self._divide_by_coverage(waiting, points, radius, sums)
+            add_products(camera_ray, throughput, sums.value, radiance)
+            add_products(camera_ray, throughput, sums.blur, blur)
+            self._note_gathered(field, camera_ray, throughput, sums)
+            self.n_points += camera_ray.size
+            self.n_gathered += int(sums.near.sum())
+            without = np.flatnonzero(sums.near == 0)
+            self.n_without += without.size
+            self._note_shown(points, field, without)
+
+    def _points_of(self, waiting: Waiting) -> Points:
         shading = waiting.shading
         xi = self._points(waiting.paths, waiting.depth, TO_PHOTON)
-        points = Points(
+        return Points(
             shading.hits.position,
             shading.hits.normal,
             shading.directions,
@@ -254,19 +288,43 @@ class EyePass(Integrator):
             np.ascontiguousarray(xi[:, 0]),
             widest_discs(self.context.scene)[shading.hits.object_id],
         )
-        for field in self.fields:
-            with self.context.ledger.stage("gather"):
-                sums = field.radiance(points)
-            hidden = self._hidden(points, field, sums.chosen)
-            sums.value[hidden] = sums.blur[hidden] = 0.0
-            add_products(camera_ray, throughput, sums.value, radiance)
-            add_products(camera_ray, throughput, sums.blur, blur)
-            self._note_gathered(field, camera_ray, throughput, sums)
-            self.n_points += camera_ray.size
-            self.n_gathered += int(sums.near.sum())
-            without = np.flatnonzero(sums.near == 0)
-            self.n_without += without.size
-            self._note_shown(points, field, without)
+
+    @OVERFLOWS
+    def _divide_by_coverage(
+        self, waiting: Waiting, points: Points, radius: FloatArray, sums: Sums
+    ) -> None:
+        """Divide estimates where discs are wider than what they lie on by the part that is covered."""
+        rows = np.flatnonzero(sums.value.any(axis=1))
+        if self.thin_places is None or not rows.size:
+            return
+        rows = rows[self.thin_places.near(points.position[rows])]
+        if not rows.size:
+            return
+        # Discs, and those of half the area; the same random numbers make the noise of the difference small.
+        twice, wide = np.tile(rows, 2), np.tile(radius[rows], 2)
+        area = np.repeat([1.0, 0.5], rows.size)
+        factor, mixed = one_over_coverage(
+            self.context, self._contacts, points.rows(twice), np.sqrt(area) * wide, LARGEST_HEIGHT * wide,
+            self._draw(waiting, twice),
+        )  # fmt: skip
+        factor, of_half = factor.reshape(2, -1, 1)
+        half = of_half * (sums.value[rows] - sums.blur[rows])
+        sums.value[rows] *= factor
+        sums.blur[rows] = (1.0 - mixed[: rows.size, None]) * sums.value[rows] - half
+
+    def _draw(self, waiting: Waiting, rows: NDArray[np.intp]) -> Draw:
+        """Return what draws random points for some of the points."""
+        pixel, sample, depth = (
+            column[rows] for column in (waiting.paths.pixel, waiting.paths.sample, waiting.depth)
+        )
+        dimension = COVERAGE_DIMENSION + depth * np.uint64(MOST_SEGMENTS)
+
+        def draw(some: NDArray[np.intp], first: int, n: int) -> FloatArray:
+            return self.context.sampler.several(
+                pixel[some], dimension[some] + np.uint64(first), sample[some], n
+            )
+
+        return draw
 
     def _note_shown(self, points: Points, field: Field, without: NDArray[np.intp]) -> None:
         """Count points that met no photon but those that were shown to the camera."""

@@ -45,6 +45,8 @@ class PhotonMapWorkers(PhotonWorkers):
         self._options: PhotonMapOptions = context.options or PhotonMapOptions()
         self._n_caustic = 0
         self._size = size_for_discs(context)
+        if context.plan["photons"]:
+            self._find_thin_places(lambda points: np.minimum(FARTHEST * self._size, points.widest))
 
     @property
     def _per_pass(self) -> int:

@@ -20,7 +20,7 @@ from hybrid_rt.core.threads import result_of
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.photon_steps import EMITTED, MET_SPECULAR, Photons
 from hybrid_rt.integrators.photons.blur import BlurSums
-from hybrid_rt.integrators.photons.density_estimation import Field
+from hybrid_rt.integrators.photons.density_estimation import Field, Points
 from hybrid_rt.integrators.photons.eye_pass import EyePass
 from hybrid_rt.integrators.photons.light_tracing import Splats
 from hybrid_rt.integrators.photons.photon_groups import blocks_of
@@ -30,6 +30,7 @@ from hybrid_rt.integrators.photons.photon_tracer import (
     Balance,
     joined,
 )
+from hybrid_rt.integrators.photons.pilot_rays import find_thin_places
 from hybrid_rt.integrators.workers import (
     NO_BLUR,
     UNKNOWN_BLUR,
@@ -98,6 +99,11 @@ class PhotonWorkers(Workers):
     @property
     def _eye_passes(self) -> list[EyePass]:
         return cast(list[EyePass], self._integrators)
+
+    def _find_thin_places(self, radius_at: Callable[[Points], FloatArray]) -> None:
+        places = find_thin_places(self._eye_passes[0].context, radius_at)
+        for eye_pass in self._eye_passes:
+            eye_pass.thin_places = places
 
     @property
     @abstractmethod

@@ -57,7 +57,8 @@ class ProgressiveWorkers(PhotonWorkers):
         # Now, as part of the set-up: a time budget judges by the seconds of passes alone.
         self._radii: Radii | None = None
         if context.plan["photons"]:
-            self._radii = self._pilot()
+            radii = self._radii = self._pilot()
+            self._find_thin_places(lambda points: radii.around(points.position, points.widest)[0])
             self.may_miss = (
                 self._radii.is_given or self._radii.is_sparse or self._radii.are_cut(context.scene)
             )

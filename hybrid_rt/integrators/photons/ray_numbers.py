@@ -22,21 +22,20 @@ from numpy.typing import NDArray
 from hybrid_rt.core.ledger import Ledger
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators.context import RenderContext
-from hybrid_rt.integrators.integrator import PIXEL_BITS
 from hybrid_rt.integrators.kernels.density_estimate import Sums
 from hybrid_rt.integrators.photons.density_estimation import Discs, Field
 from hybrid_rt.integrators.photons.eye_pass import EyePass, Waiting
+from hybrid_rt.integrators.photons.pilot_rays import pilot_rays
 from hybrid_rt.sensor.film import OVERFLOWS
 from hybrid_rt.sensor.image_metrics import DARK
-from hybrid_rt.sensor.passes import GROUPS
 
 # Powers of two keep the rays of a pass a net of Sobol's sequence.
 CAMERA_RAYS, SHADOW_RAYS = (1, 2, 4), (1, 2, 4, 8, 16)
 # Over several passes shadow rays fall more evenly than at random, which the pilot set does not see:
 # a gain of less than this factor was none in caustic_through_glass.
 ABOUT_AS_GOOD = 1.1
-# Pixels of the pilot set, camera rays through each, and shadow rays from each of their hit points.
-PILOT_PIXELS, PER_PIXEL, PER_POINT = 1024, 2, 8
+# Camera rays of the pilot set through each pixel, and shadow rays from each of their hit points.
+PER_PIXEL, PER_POINT = 2, 8
 # Pixels in which a camera ray met a lamp by chance would decide all: so many of the worst are left
 # out of every hundred.
 LEFT_OUT = 0.01
@@ -156,15 +155,7 @@ class _PilotEyePass(EyePass):
 
     def pilot_radiance(self) -> FloatArray:
         """Return the radiance of the pilot set's camera rays, `PER_PIXEL` in a row for each pixel."""
-        camera = self.context.scene.camera
-        n = min(PILOT_PIXELS, camera.width * camera.height)
-        # Spread over the picture by Roberts' sequence: multiples of powers of the plastic number.
-        place = 0.5 + np.arange(n)[:, None] * np.array([0.7548776662466927, 0.5698402909980532])
-        row, column = (place % 1.0 * (camera.height, camera.width)).astype(np.int64).T
-        pixel = np.repeat(row * camera.width + column, PER_PIXEL).astype(np.uint64)
-        # In a group that no pass belongs to.
-        pixel += np.uint64(GROUPS) << PIXEL_BITS
-        sample = np.tile(np.arange(PER_PIXEL, dtype=np.uint64), n)
+        pixel, sample = pilot_rays(self.context.scene.camera, PER_PIXEL)
         self.of_shadow_rays, self.difference = np.zeros((2, pixel.size, 3))
         return self.radiance_through(pixel, sample)
 

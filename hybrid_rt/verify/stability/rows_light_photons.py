@@ -143,7 +143,7 @@ def _gathered(
     began, resident = time.perf_counter(), resident_mib()
     tracemalloc.start()
     normal = np.tile([0.0, 0, 1], (n_points, 1))
-    sums = _field(position, 0.5).radiance(
+    sums, _ = _field(position, 0.5).radiance(
         Points(
             np.zeros((n_points, 3)), normal, -normal, NO_NORMALS, np.zeros(n_points, np.int32),
             np.ones((n_points, 1, 3)), np.ones(n_points, dtype=bool),

@@ -282,7 +282,7 @@ def test_a_million_photons_in_one_point_need_little_memory(monkeypatch):
     add = gathering.add_photons
     monkeypatch.setattr(gathering, "add_photons", lambda *a: (seen.append(a[0].size), add(*a))[1])
     normal = np.tile([0.0, 0, 1], (points, 1))
-    sums = field.radiance(
+    sums, _ = field.radiance(
         gathering.Points(
             np.zeros((points, 3)),
             normal,
