@@ -104,7 +104,9 @@ def render(
         not count light that the integrator does not find, what ``max_depth`` cuts off, or the
         geometric error; those are in the report. Nor does it count lamps that camera rays meet by
         chance alone (a small lamp's image in a mirror, say) and have not met yet; a warning says so
-        if they may add more than the target to the image mean. If a blur that more passes do not
+        if they may add more than the target to the image mean. While an independent estimate by photons
+        says that light is missing, no target is reached: a render without another limit then ends as
+        "contradicted". If a blur that more passes do not
         reduce is above the target, a render without another limit ends and reports that.
     target_error_trimmed : float, optional
         The same, but with the noise without the worst 0.1 % of the pixels, which a few bright paths

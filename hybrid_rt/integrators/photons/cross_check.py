@@ -34,6 +34,7 @@ from hybrid_rt.integrators.photons.probe import (
     probe_of,
 )
 from hybrid_rt.sensor.film import OVERFLOWS
+from hybrid_rt.sensor.intervals import STUDENT, TWO_SIDED
 from hybrid_rt.sensor.passes import GROUPS
 
 # Photons of a first try, one for so many pixels, and within these limits. If the camera sees fewer than
@@ -41,10 +42,8 @@ from hybrid_rt.sensor.passes import GROUPS
 PIXELS_EACH, FEWEST_PHOTONS, MOST_PHOTONS, ENOUGH = 64, 2000, 20_000, 30.0
 # Far from the dimensions of all other photons, and of the first ones where photons are sent again.
 CHECK_DIMENSION, REPEATED = 2**43, 2**44
-# Normal quantiles: a two-sided 95 % interval, and a limit that one estimate of a thousand is beyond.
-TWO_SIDED, ONE_IN_1000 = 1.96, 3.09
-# Student's t for the means of four groups, two-sided 95 %.
-STUDENT = 3.182
+# The normal quantile of a limit that one estimate of a thousand is beyond.
+ONE_IN_1000 = 3.09
 # The brightest place is where so many photons lie closest together, in cells of a grid that halve so
 # often; of more photons some are looked at.
 IN_A_CELL, HALVINGS, MOST_PLACES = 8, 20, 20_000
@@ -208,7 +207,7 @@ def _of_camera_rays(
         of_groups.append(view.radiance(mine, k, n))
     moments = _moments(np.concatenate(of_groups) / (n * GROUPS), n * GROUPS)
     means = [float(radiance.mean()) for radiance in of_groups]
-    between = float(np.var(means, ddof=1)) / GROUPS * (STUDENT / TWO_SIDED) ** 2
+    between = float(np.var(means, ddof=1)) / GROUPS * (STUDENT[GROUPS - 2] / TWO_SIDED) ** 2
     if between > moments[1] > 0.0:
         moments[1:] *= between / moments[1]
     return moments

@@ -32,6 +32,7 @@ from hybrid_rt.integrators.photons.probe import (
 )
 from hybrid_rt.scene.compiled import CompiledScene
 from hybrid_rt.sensor.film import OVERFLOWS
+from hybrid_rt.sensor.intervals import STUDENT
 from hybrid_rt.sensor.passes import GROUPS
 
 # Photons traced: one a pixel. A caustic that holds a tenth of the light is then known to about a
@@ -46,8 +47,6 @@ MIXED = "photons cannot follow a mirror alone that is mixed with rough glass"
 UNFOUND_DIMENSION = 2**42
 # Camera rays for each photon: fewer add noise.
 RAYS = 2
-# Student's t for the means of four groups of photons, two-sided 95 %.
-STUDENT = 3.182
 
 
 @dataclass(frozen=True)
@@ -126,7 +125,7 @@ def unfound_light(context: RenderContext, found: str) -> UnfoundLight | None:
         why = f"of {n_photons:,} photons {few} reach the camera"
     if why:
         return UnfoundLight(n_photons, None, None, depth, lost_share, why)
-    half = STUDENT * float(means.std(ddof=1)) / math.sqrt(GROUPS)
+    half = STUDENT[GROUPS - 2] * float(means.std(ddof=1)) / math.sqrt(GROUPS)
     return UnfoundLight(n_photons, float(means.mean()), half, depth, lost_share)
 
 
