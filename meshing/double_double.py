@@ -7,6 +7,7 @@ available precision", 1971). Arguments are arrays of any shape that broadcast.
 
 from __future__ import annotations
 
+import math
 from typing import TypeAlias
 
 import numpy as np
@@ -14,6 +15,9 @@ import numpy as np
 from meshing.checks import FloatArray
 
 Pair: TypeAlias = tuple[FloatArray, FloatArray]
+
+# Points that are transformed at a time, to spare memory.
+BLOCK = 1 << 14
 
 # Leaves the first 26 bits of a float, so that products of parts are exact. Unlike a product with
 # 2**27 + 1 it cannot overflow.
@@ -82,11 +86,61 @@ def unit_of(vector: Pair) -> tuple[Pair, Pair]:
 
 def affine_image(linear: FloatArray, shift: FloatArray, points: Pair) -> Pair:
     """Return ``linear`` times points (..., 3), plus ``shift``; equal points get equal images."""
-    images = []
-    for row, s in zip(linear, shift, strict=True):
-        total = pair_of(np.full(points[0].shape[:-1], s))
+    high, low = (x.reshape(-1, 1, 3) for x in points)
+    image, left = np.empty(points[0].shape), np.empty(points[0].shape)
+    for begin in range(0, len(high), BLOCK):
+        rows = slice(begin, begin + BLOCK)
+        terms = times(pair_of(linear), (high[rows], low[rows]))
+        total = pair_of(shift)
         for axis in range(3):
-            coordinate = (points[0][..., axis], points[1][..., axis])
-            total = add(total, times(pair_of(np.asarray(row[axis])), coordinate))
-        images.append(total)
-    return np.stack([h for h, _ in images], -1), np.stack([low for _, low in images], -1)
+            total = add(total, (terms[0][..., axis], terms[1][..., axis]))
+        image.reshape(-1, 3)[rows], left.reshape(-1, 3)[rows] = total
+    return image, left
+
+
+# --- images that are rounded, and how far from the exact ones they may be; 0 if they are exact
+
+
+def rounded_image(linear: FloatArray, shift: FloatArray, points: Pair) -> tuple[FloatArray, float]:
+    """Return ``linear`` times points (..., 3), plus ``shift``, rounded; and what that moves one at most."""
+    image, left = affine_image(linear, shift, points)
+    return image, _largest(left)
+
+
+def rounding_of_product(a: float, b: float) -> float:
+    """Return by how much the float a * b differs from the product."""
+    return abs(float(exact_product(np.asarray(a), np.asarray(b))[1]))
+
+
+def stretched(linear: FloatArray, distance: float) -> float:
+    """Return what becomes of a distance at most."""
+    return distance and distance * float(np.linalg.norm(linear, 2)) * (1.0 + 2.0**-40)
+
+
+def misfit(
+    linear: FloatArray,
+    scale: float,
+    axis: FloatArray | None = None,
+    image: FloatArray | None = None,
+) -> float:
+    """Bound the distance of ``linear`` from some similarity: on |linear x - scale Q x| for unit vectors x.
+
+    Q is orthogonal, and takes the direction of the unit vector ``axis`` to that of ``image``.
+    """
+    exponent = math.frexp(scale)[1]
+    linear, scale = np.ldexp(linear, -exponent), math.ldexp(scale, -exponent)
+    # The singular values' squares less scale^2 are the eigenvalues of linear^T linear - scale^2.
+    squares = affine_image(linear.T, np.zeros(3), pair_of(linear.T))
+    one = times(pair_of(np.asarray(scale)), pair_of(-scale * np.eye(3)))
+    off = 0.51 * float(np.linalg.norm(add(squares, one)[0])) / scale
+    if axis is not None and image is not None:
+        # Q is the nearest orthogonal matrix, and the least rotation that then takes the axis to its image.
+        turned = affine_image(linear, np.zeros(3), pair_of(axis))
+        gap = add(turned, times(pair_of(np.asarray(-scale)), pair_of(image)))
+        off = 2.0 * off + 1.01 * _largest(gap[0])
+    return math.ldexp(off, exponent)
+
+
+def _largest(vectors: FloatArray) -> float:
+    """Return the length of the longest of vectors (..., 3), and a little more."""
+    return float(np.linalg.norm(vectors, axis=-1).max(initial=0.0)) * (1.0 + 2.0**-48)

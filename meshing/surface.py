@@ -36,6 +36,10 @@ class Surface(ABC):
     is_triangular: ClassVar[bool] = False
     """(u, v) are barycentric weights, u + v <= 1; otherwise they fill the unit square."""
 
+    moved: float = 0.0
+    """Bound on the distance of its points from those that were meant, scene units: what rounding did to an
+    image (`transformed`) or a conversion, and is carried in no other number."""
+
     flip_of_uv: ClassVar[str] = ""
     """What `flipped` does to (u, v): "swapped", "u reversed" or "v reversed". "": loops cannot trim it."""
 

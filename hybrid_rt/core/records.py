@@ -29,8 +29,10 @@ class Status(IntEnum):
     """Outcome of a ray: MISS, HIT or TANGENT.
 
     TANGENT is a hit or a miss, as ``hit`` says, that rounding decides: moving the ray by 64 eps x
-    scale may change the answer, or ``t_bound`` of a root reaches across t_min or t_max. Scale is the distance of the ray's origin from the middle of the
-    surface, or the size of the surface if that is larger; for 100 mm the band is 1.4e-12 mm.
+    scale may change the answer, or ``t_bound`` of a root reaches across t_min or t_max. Scale is the
+    distance of the ray's origin from the middle of the surface, or the size of the surface if that is
+    larger; for 100 mm the band is 1.4e-12 mm. By how much rounding has moved an image by ``transformed``
+    is added.
     """
 
     MISS = 0

@@ -57,6 +57,8 @@ def in_order(
     if n_plain == len(surfaces):
         return order, n_plain, None
     bounds = np.array([surfaces[k].bounds for k in order[n_plain:]])
+    moved = np.array([surfaces[k].moved for k in order[n_plain:]])
+    bounds += 2.0 * moved[:, None, None] * np.array([-1.0, 1.0])[:, None]
     return order, n_plain, _tree_over(bounds, n_plain)
 
 

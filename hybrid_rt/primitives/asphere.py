@@ -21,6 +21,7 @@ from meshing.checks import (
     shown,
     still_unit,
 )
+from meshing.double_double import misfit, pair_of, rounded_image, stretched
 
 # a_2 to a_32.
 MOST_COEFFICIENTS = 16
@@ -299,6 +300,8 @@ class Asphere(AxialSurface):
             For any other matrix.
         """
         turn, shift, scale, is_reflection = as_similarity(matrix, "Asphere")
+        linear = np.asarray(matrix, np.float64)[:3, :3]
+        origin, off = rounded_image(linear, shift, pair_of(self.origin))
         sign = -1 if is_reflection else 1
         powers = scale ** (1.0 - 2.0 * np.arange(1, len(self.coefficients) + 1))
         axis = still_unit(sign * (turn @ self.axis), "axis")
@@ -308,7 +311,7 @@ class Asphere(AxialSurface):
             self.conic,
             sign * self.coefficients * powers,
             scale * self.aperture,
-            scale * (turn @ self.origin) + shift,
+            origin,
             axis,
             radial,
         )
@@ -316,7 +319,21 @@ class Asphere(AxialSurface):
         image.axis = freeze(axis)
         image.radial = freeze(still_unit(radial - (radial @ axis) * axis, "radial"))
         image.orientation = self.orientation
+        off += self.ball_radius * misfit(linear, scale, self.axis, sign * axis)
+        if math.frexp(scale)[0] != 0.5:
+            off += scale * 2.0**-50 * self._scaling_error()
+        image.moved = off + stretched(linear, self.moved)
         return image
+
+    def _scaling_error(self) -> float:
+        """By how much the surface moves if each of its numbers changes by one part, in such parts."""
+        w = np.array([self.sag.w_max])
+        conic = Sag(1.0 / self.radius, self.conic, np.empty(0), float(w[0])).at(w)
+        slope = self.sag.at(w)[1]
+        # Of z = R f(r / R) the derivative R dz / dR is z - r dz / dr, and dz / dr is 2 r dz / dw.
+        terms = np.abs(self.coefficients) * w ** np.arange(1, len(self.coefficients) + 1)
+        parts = np.abs(conic[0]) + 2.0 * w * np.abs(conic[1]) + terms.sum()
+        return float((parts + np.sqrt(w) * (1.0 + 2.0 * np.sqrt(w) * np.abs(slope)))[0])
 
     def __repr__(self) -> str:
         """Say which asphere this is."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from fractions import Fraction
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +14,7 @@ from hybrid_rt.core.records import BoolArray, FloatArray
 from hybrid_rt.primitives.rectangle import exact_cross, near_one
 from meshing.area import Squares
 from meshing.checks import as_affine, as_vector, broadcast_parameters, freeze, unit
+from meshing.double_double import Pair, exact_sum, pair_of, rounded_image, stretched
 from meshing.surface import Surface
 
 
@@ -166,16 +168,25 @@ class Box(Surface):
         """
         linear, shift = as_affine(matrix, "Box")
         if (linear != np.diag(np.diag(linear))).any():
-            corner, edges = linear @ self.lo + shift, self.edges @ linear.T
-            return TurnedBox(corner, edges, self.orientation)
-        a, b = linear @ self.lo + shift, linear @ self.hi + shift
+            high, low = exact_sum(self.hi, -self.lo)
+            return self._turned(linear, shift, (np.diag(high), np.diag(low)))
+        (a, b), off = rounded_image(linear, shift, pair_of(np.stack([self.lo, self.hi])))
         image = Box(np.minimum(a, b), np.maximum(a, b))
         image.orientation = self.orientation
+        image.moved = off + stretched(linear, self.moved)
         return image
 
-    def flipped(self) -> Box:
+    def _turned(self, linear: FloatArray, shift: FloatArray, edges: Pair) -> TurnedBox:
+        """Return the image as a parallelepiped of the edges' images."""
+        corner, off = rounded_image(linear, shift, pair_of(self.lo))
+        turned, turned_off = rounded_image(linear, np.zeros(3), edges)
+        image = TurnedBox(corner, turned, self.orientation)
+        image.moved = off + 3.0 * turned_off + stretched(linear, self.moved)
+        return image
+
+    def flipped(self) -> Self:
         """Return the same box with its normals reversed."""
-        image = Box(self.lo, self.hi)
+        image = copy.copy(self)
         image.orientation = -self.orientation
         return image
 
@@ -294,11 +305,7 @@ class TurnedBox(Box):
             For any other matrix.
         """
         linear, shift = as_affine(matrix, "Box")
-        return TurnedBox(linear @ self.lo + shift, self.edges @ linear.T, self.orientation)
-
-    def flipped(self) -> TurnedBox:
-        """Return the same box with its normals reversed."""
-        return TurnedBox(self.lo, self.edges, -self.orientation)
+        return self._turned(linear, shift, pair_of(self.edges))
 
     def __repr__(self) -> str:
         """Say which box this is."""

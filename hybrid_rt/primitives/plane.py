@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from fractions import Fraction
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
 from hybrid_rt.core.records import FloatArray
+from hybrid_rt.primitives.rectangle import exact_cross, near_one
 from meshing.checks import as_affine, broadcast_parameters, freeze
+from meshing.double_double import pair_of, rounded_image, stretched
 from meshing.surface import Surface
 
 
@@ -31,6 +36,8 @@ class Plane(Surface):
 
     is_bounded = False
     is_flat = True
+    #: Bound on the angle by which rounding has turned an image; besides, `moved` is that of `origin`.
+    tilt = 0.0
 
     def __init__(self, point: ArrayLike, normal: ArrayLike) -> None:
         self.origin = checks.as_vector(point, "Plane point", up_to=checks.FARTHEST)
@@ -130,15 +137,28 @@ class Plane(Surface):
             For any other matrix.
         """
         linear, shift = as_affine(matrix, "Plane")
-        # Inverse transpose; the sign of the determinant keeps S_u x S_v on its side. The length of
-        # the normal is free: scaled, no determinant overflows.
-        plain = linear / np.abs(linear).max()
-        normal = np.linalg.solve(plain.T, self.exact_normal) * np.sign(np.linalg.det(plain))
-        return Plane(linear @ self.origin + shift, normal)
+        point, off = rounded_image(linear, shift, pair_of(self.origin))
+        # The cofactors are the inverse transpose times the determinant, whose sign keeps S_u x S_v on its
+        # side. The length of the normal is free: near one, nothing overflows.
+        plain, _ = near_one(linear)
+        rows = [exact_cross(plain[i - 2], plain[i - 1]) for i in range(3)]
+        given = [Fraction(x) for x in self.exact_normal.tolist()]
+        exact = [sum((a * b for a, b in zip(row, given, strict=True)), Fraction(0)) for row in rows]
+        unit = Fraction(2) ** math.frexp(float(max(map(abs, exact))))[1]
+        normal = np.array([float(x / unit) for x in exact])
+        left = [float(x / unit - Fraction(a)) for x, a in zip(exact, normal.tolist(), strict=True)]
+        image = Plane(point, normal)
+        image.moved = off + stretched(linear, self.moved)
+        image.tilt = float(np.linalg.norm(left) / np.linalg.norm(normal)) * (1.0 + 2.0**-40)
+        if self.tilt > 0.0:
+            image.tilt += self.tilt * 1.01 * float(np.linalg.cond(linear))
+        return image
 
     def flipped(self) -> Plane:
         """Return the same plane with its normal reversed."""
-        return Plane(self.origin, -self.exact_normal)
+        image = Plane(self.origin, -self.exact_normal)
+        image.moved, image.tilt = self.moved, self.tilt
+        return image
 
     def __repr__(self) -> str:
         """Say which plane this is."""

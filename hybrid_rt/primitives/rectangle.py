@@ -11,6 +11,7 @@ from hybrid_rt.core import checks
 from hybrid_rt.core.records import FloatArray
 from meshing.area import Squares
 from meshing.checks import as_affine, as_direction, as_vector, broadcast_parameters
+from meshing.double_double import pair_of, rounded_image, stretched
 from meshing.surface import Surface
 
 
@@ -113,11 +114,18 @@ class Rectangle(Surface):
             For any other matrix.
         """
         linear, shift = as_affine(matrix, "Rectangle")
-        return Rectangle(linear @ self.corner + shift, linear @ self.edge_u, linear @ self.edge_v)
+        corner, off = rounded_image(linear, shift, pair_of(self.corner))
+        edges = pair_of(np.stack([self.edge_u, self.edge_v]))
+        turned, turned_off = rounded_image(linear, np.zeros(3), edges)
+        image = Rectangle(corner, *turned)
+        image.moved = off + 2.0 * turned_off + stretched(linear, self.moved)
+        return image
 
     def flipped(self) -> Rectangle:
         """Return the rectangle with u and v swapped, and so with its normal reversed."""
-        return Rectangle(self.corner, self.edge_v, self.edge_u)
+        image = Rectangle(self.corner, self.edge_v, self.edge_u)
+        image.moved = self.moved
+        return image
 
     def __repr__(self) -> str:
         """Say which rectangle this is."""

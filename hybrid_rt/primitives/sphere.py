@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core.records import FloatArray
 from meshing.area import AreaSampler, IdArray
 from meshing.checks import as_direction, as_similarity, as_vector, broadcast_parameters, number
+from meshing.double_double import misfit, pair_of, rounded_image, rounding_of_product, stretched
 from meshing.surface import Surface
 
 
@@ -176,18 +179,17 @@ class Sphere(Surface):
             For any other matrix.
         """
         turn, shift, scale, is_reflection = as_similarity(matrix, "Sphere")
-        image = Sphere(
-            scale * (turn @ self.center) + shift,
-            scale * self.radius,
-            turn @ self.pole,
-            turn @ self.meridian,
-        )
+        linear = np.asarray(matrix, np.float64)[:3, :3]
+        center, off = rounded_image(linear, shift, pair_of(self.center))
+        image = Sphere(center, scale * self.radius, turn @ self.pole, turn @ self.meridian)
         image.orientation = self.orientation * (-1 if is_reflection else 1)
+        off += self.radius * misfit(linear, scale) + rounding_of_product(scale, self.radius)
+        image.moved = off + stretched(linear, self.moved)
         return image
 
     def flipped(self) -> Sphere:
         """Return the same sphere with its normal reversed."""
-        image = Sphere(self.center, self.radius, self.pole, self.meridian)
+        image = copy.copy(self)
         image.orientation = -self.orientation
         return image
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.primitives.axial import AxialSurface
 from meshing.checks import as_similarity, broadcast_parameters, freeze, number, still_unit
+from meshing.double_double import misfit, pair_of, rounded_image, rounding_of_product, stretched
 
 
 class Torus(AxialSurface):
@@ -157,13 +158,19 @@ class Torus(AxialSurface):
         # A mirrored angle runs the other way about a mirrored axis: the axis is turned round.
         sign = -1 if is_reflection else 1
         image = copy.copy(self)
-        image.origin = freeze(scale * (turn @ self.origin) + shift)
+        linear = np.asarray(matrix, np.float64)[:3, :3]
+        origin, off = rounded_image(linear, shift, pair_of(self.origin))
+        image.origin = freeze(origin)
         image.axis = freeze(still_unit(sign * (turn @ self.axis), "axis"))
         radial = turn @ self.radial
         image.radial = freeze(still_unit(radial - (radial @ image.axis) * image.axis, "radial"))
         image.major_radius = scale * self.major_radius
         image.minor_radius = scale * self.minor_radius
         image.orientation = sign * self.orientation
+        off += 0.5 * self.size * misfit(linear, scale, self.axis, sign * image.axis)
+        off += rounding_of_product(scale, self.major_radius)
+        off += rounding_of_product(scale, self.minor_radius)
+        image.moved = off + stretched(linear, self.moved)
         return image
 
     def __repr__(self) -> str:

@@ -21,6 +21,7 @@ from meshing.checks import (
     shown,
     units,
 )
+from meshing.double_double import pair_of, rounded_image, stretched
 from meshing.surface import Surface
 
 if TYPE_CHECKING:
@@ -153,11 +154,12 @@ class TriangleMesh(Surface):
         faces.flags.writeable = False
         self.vertices, self.faces = vertices, faces
 
-    def _with(self, vertices: FloatArray, faces: NDArray[np.int64]) -> TriangleMesh:
+    def _with(self, vertices: FloatArray, faces: NDArray[np.int64], moved: float) -> TriangleMesh:
         """Return a mesh with the same texture coordinates."""
         mesh = type(self).__new__(type(self))
         mesh._set(vertices, faces)
         mesh._keep_coordinates(self.texture_coordinates)
+        mesh.moved = moved
         return mesh
 
     def __len__(self) -> int:
@@ -250,11 +252,12 @@ class TriangleMesh(Surface):
             For any other matrix.
         """
         linear, shift = as_affine(matrix, "TriangleMesh")
-        return self._with(self.vertices @ linear.T + shift, self.faces.copy())
+        vertices, off = rounded_image(linear, shift, pair_of(self.vertices))
+        return self._with(vertices, self.faces.copy(), off + stretched(linear, self.moved))
 
     def flipped(self) -> TriangleMesh:
         """Return the same faces wound the other way, which reverses their normals."""
-        return self._with(self.vertices.copy(), self.faces[:, [0, 2, 1]].copy())
+        return self._with(self.vertices.copy(), self.faces[:, [0, 2, 1]].copy(), self.moved)
 
     def __repr__(self) -> str:
         """Say which mesh this is."""

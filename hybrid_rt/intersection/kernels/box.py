@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hybrid_rt.intersection.kernels.moved import not_zero
 from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.members import offer_each, offer_near
 from hybrid_rt.intersection.kernels.search.nearest import (
@@ -26,7 +27,7 @@ from meshing.kernels.jit import hot_kernel, inlined, inner
 class BoxTable(NamedTuple):
     """Boxes along the axes."""
 
-    lo: Any  # (k, 3)
+    lo: Any  # (k, 4): and `meshing.surface.Surface.moved`
     hi: Any  # (k, 3)
     orientation: Any  # (k,)
     object_id: Any  # (k,) int32
@@ -35,7 +36,7 @@ class BoxTable(NamedTuple):
 def box_table(boxes, object_id):
     """Return the table of a list of boxes."""
     return BoxTable(
-        lo=np.array([b.lo for b in boxes]).reshape(-1, 3),
+        lo=np.array([(*b.lo, b.moved) for b in boxes]).reshape(-1, 4),
         hi=np.array([b.hi for b in boxes]).reshape(-1, 3),
         orientation=np.array([float(b.orientation) for b in boxes]),
         object_id=object_id,
@@ -106,9 +107,12 @@ def offer_box(i, k, table, rays, best):
     lo, hi, object_id = table.lo, table.hi, table.object_id
     o, d, t_min, known = rays.origin[i], rays.direction[i], rays.t_min, rays.known
     enter, leave, goes_on = -np.inf, np.inf, np.inf
+    # Of an image that was moved another face may be entered last, or left first.
+    latest_in, earliest_out = -np.inf, np.inf
     face_in = face_out = -1
     reach = _reach(lo[k], hi[k], o)
-    band = TANGENT_BAND * reach
+    moved = lo[k, 3]
+    band = TANGENT_BAND * reach + moved
     is_beside = False
     for c in range(3):
         low, high = lo[k, c] - o[c], hi[k, c] - o[c]
@@ -122,6 +126,9 @@ def offer_box(i, k, table, rays, best):
         if d[c] < 0.0:
             a, b = b, a
             first, second = second, first
+        if moved > 0.0:
+            latest_in = max(latest_in, a + moved / abs(d[c]))
+            earliest_out = min(earliest_out, b - moved / abs(d[c]))
         if a > enter:
             enter, face_in = a, first
         if b < leave:
@@ -136,13 +143,13 @@ def offer_box(i, k, table, rays, best):
     # inside p q / sqrt(2), so mostly no root is needed.
     if is_beside or not inside * p * q > 1.5 * band:
         depth = inside * (p * q / np.sqrt(p * p + q * q) if face_in // 2 != face_out // 2 else p)
-        rounding = 4.0 * UNIT_ROUNDOFF * reach
+        rounding = 4.0 * UNIT_ROUNDOFF * reach + moved
         if depth < band:
             # By so little that other pairs of faces count: of slabs that the ray runs along t says
             # little.
             depth = _margin(lo[k], hi[k], o, d)
         if depth < -rounding or is_beside:
-            if depth > -band and leave > t_min[i]:
+            if depth > -band and leave + moved / q > t_min[i]:
                 best.doubt[i] = min(best.doubt[i], leave)
             return
     crossed = 0.0
@@ -150,11 +157,13 @@ def offer_box(i, k, table, rays, best):
         # By rounding, at an edge: the point of the ray next to it.
         crossed = enter - leave
         enter = leave = (enter * p * p + leave * q * q) / (p * p + q * q)
-    bound = 4.0 * UNIT_ROUNDOFF * abs(enter) + crossed
+    off_in, off_out = max(moved / p, latest_in - enter), max(moved / q, leave - earliest_out)
+    enter, leave = not_zero(enter, moved), not_zero(leave, moved)
+    bound = 4.0 * UNIT_ROUNDOFF * abs(enter) + crossed + off_in
     if begins_at(i, enter, bound, p, known):
         _note_face(i, face_in, t_min, known, best)
     offer(i, enter, bound, p, CLEAR, object_id[k], face_in, inside, band, t_min, known, best)
-    bound = 4.0 * UNIT_ROUNDOFF * abs(leave) + crossed
+    bound = 4.0 * UNIT_ROUNDOFF * abs(leave) + crossed + off_out
     if begins_at(i, leave, bound, q, known):
         _note_face(i, face_out, t_min, known, best)
     offer(i, leave, bound, q, CLEAR, object_id[k], face_out, inside, band, t_min, known, best)

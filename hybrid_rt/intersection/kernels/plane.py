@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import product, two_difference
+from hybrid_rt.intersection.kernels.moved import not_zero
 from hybrid_rt.intersection.kernels.search.members import offer_each
 from hybrid_rt.intersection.kernels.search.nearest import (
     CLEAR,
@@ -24,7 +25,7 @@ from meshing.kernels.jit import hot_kernel, inlined, inner
 class PlaneTable(NamedTuple):
     """Planes."""
 
-    origin: Any  # (k, 3)
+    origin: Any  # (k, 5): and `meshing.surface.Surface.moved`, `Plane.tilt`
     normal: Any  # (k, 3) unit
     exact_normal: Any  # (k, 3) not rounded, of any length
     axes: Any  # (k, 2) int64: the coordinates whose fractions are (u, v)
@@ -34,7 +35,7 @@ class PlaneTable(NamedTuple):
 def plane_table(planes, object_id):
     """Return the table of a list of planes."""
     return PlaneTable(
-        origin=np.array([p.origin for p in planes]).reshape(-1, 3),
+        origin=np.array([(*p.origin, p.moved, p.tilt) for p in planes]).reshape(-1, 5),
         normal=np.array([p.unit_normal for p in planes]).reshape(-1, 3),
         exact_normal=np.array([p.exact_normal for p in planes]).reshape(-1, 3),
         axes=np.array([p.axes for p in planes], np.int64).reshape(-1, 2),
@@ -65,21 +66,30 @@ def offer_plane(i, k, table, rays, best):
         # a root, far away.
         m = table.exact_normal[k]
         n_dot_d = _exact_dot(m, d) / np.sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2])
-        if n_dot_d == 0.0:
-            return
     wx, ex = two_difference(o[0], c[0])
     wy, ey = two_difference(o[1], c[1])
     wz, ez = two_difference(o[2], c[2])
-    t = -((n[0] * wx + n[1] * wy + n[2] * wz) + (n[0] * ex + n[1] * ey + n[2] * ez)) / n_dot_d
+    height = (n[0] * wx + n[1] * wy + n[2] * wz) + (n[0] * ex + n[1] * ey + n[2] * ez)
     slope = abs(n_dot_d)
     length = np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
     away = np.sqrt(wx * wx + wy * wy + wz * wz)
+    # How far an image is moved where the ray begins, and how fast that grows along it.
+    off, tilt = c[3] + c[4] * away, c[4] * length
+    if tilt > 0.0 and slope <= 2.0 * tilt:
+        # The ray may be parallel to the plane that was meant, or meet it anywhere from here on.
+        first = (abs(height) - off - 8.0 * UNIT_ROUNDOFF * away) / (slope + tilt)
+        best.doubt[i] = min(best.doubt[i], max(first, rays.t_min[i]))
+    if n_dot_d == 0.0:
+        return
+    t = not_zero(-height / n_dot_d, off)
     # As for parallelograms; the rounding of n.d itself counts for distant points, unless it is exact.
     turn = 0.0 if is_nearly_within else 6.0 * abs(t) * length
     error = UNIT_ROUNDOFF * (8.0 * away + turn)
     t_bound = error / slope + 8.0 * UNIT_ROUNDOFF * abs(t)
+    if off > 0.0 or tilt > 0.0:
+        t_bound += (off + tilt * abs(t)) / (slope - tilt) if slope > tilt else np.inf
     if is_nearly_within:
-        band = TANGENT_BAND * away
+        band = TANGENT_BAND * away + off
         doubt_start(i, t, slope, -np.inf, np.inf, band, rays.t_min, rays.known, best)
     if begins_at(i, t, t_bound, slope, rays.known):
         note_departure(i, n[0], n[1], n[2], rays.t_min, rays.known, best)

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import two_difference
+from hybrid_rt.intersection.kernels.moved import not_zero
 from hybrid_rt.intersection.kernels.parallelogram import onto_parallelogram, weights_of_point
 from hybrid_rt.intersection.kernels.reach import (
     ALL,
@@ -46,13 +47,13 @@ BEYOND = 1.0 + 2.0**-50
 class RectangleTable(NamedTuple):
     """Rectangles, and other parallelograms."""
 
-    corner: Any  # (k, 3)
+    corner: Any  # (k, 4): and `meshing.surface.Surface.moved`
     normal: Any  # (k, 3) unit
     edge_u: Any  # (k, 3)
     edge_v: Any  # (k, 3)
     row_u: Any  # (k, 3) dual basis: row_u . (x - corner) is u
     row_v: Any  # (k, 3)
-    size: Any  # (k,) |edge_u| + |edge_v|
+    size: Any  # (k,) |edge_u| + |edge_v|; more, if rounding has moved an image
     object_id: Any  # (k,) int32
     trim: Any  # None: they are whole; else `search.trims.Trim`
     reach: Any  # (15, more) float64, see `parallelograms_in_reach`
@@ -64,9 +65,11 @@ def rectangle_table(rectangles, object_id, trim=None):
     edge_v = np.array([r.edge_v for r in rectangles]).reshape(-1, 3)
     normal = np.array([r.unit_normal for r in rectangles]).reshape(-1, 3)
     area = np.array([r.area for r in rectangles])[:, None]
-    corner = np.array([r.corner for r in rectangles]).reshape(-1, 3)
+    corner = np.array([(*r.corner, r.moved) for r in rectangles]).reshape(-1, 4)
     row_u, row_v = np.cross(edge_v, normal) / area, np.cross(normal, edge_u) / area
     size = np.linalg.norm(edge_u, axis=1) + np.linalg.norm(edge_v, axis=1)
+    # All errors below are those of its height, which have four roundings of the size.
+    size += corner[:, 3] / (4.0 * UNIT_ROUNDOFF)
     return RectangleTable(
         corner=corner,
         normal=normal,
@@ -77,7 +80,7 @@ def rectangle_table(rectangles, object_id, trim=None):
         size=size,
         object_id=object_id,
         trim=trim,
-        reach=parallelogram_columns(corner, normal, row_u, row_v, size),
+        reach=parallelogram_columns(corner[:, :3], normal, row_u, row_v, size),
     )
 
 
@@ -170,7 +173,7 @@ def _offer_nearly_within(i, k, table, n_dot_d, rays, best):
         if depth > -band:
             best.doubt[i] = min(best.doubt[i], max(low, rays.t_min[i]))
         return
-    t = min(max(-height / n_dot_d, low), high)
+    t = not_zero(min(max(-height / n_dot_d, low), high), table.corner[k, 3])
     slope = abs(n_dot_d)
     t_bound = min(error / slope, high - low) + 4.0 * UNIT_ROUNDOFF * abs(t)
     u, v = min(max(u + t * du, 0.0), 1.0), min(max(v + t * dv, 0.0), 1.0)
@@ -263,7 +266,7 @@ def offer_parallelogram(i, k, table, rays, best):
             return
     elif abs(height) > best.t[i] * slope * BEYOND:
         return
-    t = -height / n_dot_d
+    t = not_zero(-height / n_dot_d, corner[k, 3])
     if t > best.t[i]:
         return
     if not t > t_min[i]:

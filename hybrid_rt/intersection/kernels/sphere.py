@@ -14,6 +14,7 @@ import numpy as np
 from hybrid_rt.core.kernels.arctangent import angle_of
 from hybrid_rt.core.kernels.compensated import product, two_difference
 from hybrid_rt.core.kernels.sphere_points import onto_sphere, power_of_point
+from hybrid_rt.intersection.kernels.moved import not_zero
 from hybrid_rt.intersection.kernels.reach import (
     ALL,
     BLOCK,
@@ -49,7 +50,7 @@ LATER = -1.0
 class SphereTable(NamedTuple):
     """Spheres; row k is object ``object_id[k]``."""
 
-    center: Any  # (k, 3)
+    center: Any  # (k, 4): and `meshing.surface.Surface.moved`
     radius: Any  # (k,)
     frame: Any  # (k, 3, 3): rows along azimuth 0, a quarter turn, the pole
     orientation: Any  # (k,): 1 normals outward, -1 inward
@@ -60,7 +61,7 @@ class SphereTable(NamedTuple):
 
 def sphere_table(spheres, object_id, trim=None):
     """Return the table of a list of spheres, and of the loops that trim all of them."""
-    center = np.array([s.center for s in spheres]).reshape(-1, 3)
+    center = np.array([(*s.center, s.moved) for s in spheres]).reshape(-1, 4)
     radius = np.array([s.radius for s in spheres])
     return SphereTable(
         center=center,
@@ -68,7 +69,7 @@ def sphere_table(spheres, object_id, trim=None):
         frame=np.array([s.frame for s in spheres]).reshape(-1, 3, 3),
         orientation=np.array([float(s.orientation) for s in spheres]),
         object_id=object_id,
-        reach=sphere_columns(center, radius),
+        reach=sphere_columns(center[:, :3], radius + 2.0 * center[:, 3]),
         trim=trim,
     )
 
@@ -175,7 +176,7 @@ def offer_sphere(i, k, table, rays, best):
     center, object_id, t_min, known = table.center, table.object_id, rays.t_min, rays.known
     o, d = rays.origin[i], rays.direction[i]
     ox, oy, oz, dx, dy, dz = o[0], o[1], o[2], d[0], d[1], d[2]
-    r = table.radius[k]
+    r, moved = table.radius[k], center[k, 3]
     fx, gx = two_difference(ox, center[k, 0])
     fy, gy = two_difference(oy, center[k, 1])
     fz, gz = two_difference(oz, center[k, 2])
@@ -184,12 +185,13 @@ def offer_sphere(i, k, table, rays, best):
     lx, ly, lz = fx + middle * dx + gx, fy + middle * dy + gy, fz + middle * dz + gz
     foot = np.sqrt(lx * lx + ly * ly + lz * lz)
     away = np.sqrt(fx * fx + fy * fy + fz * fz)
-    band = TANGENT_BAND * max(away, 2.0 * r)
+    band = TANGENT_BAND * max(away, 2.0 * r) + moved
     depth = r - foot
     if depth <= 0.0:
         if (
             depth > -band
-            and middle > t_min[i]
+            # The sphere that was meant may be met on both sides of it.
+            and middle + 2.0 * np.sqrt((2.0 * r + moved) * moved) > t_min[i]
             and _grazes_kept(i, k, middle, band, table.trim, table, rays)
         ):
             best.doubt[i] = min(best.doubt[i], middle)
@@ -218,6 +220,10 @@ def offer_sphere(i, k, table, rays, best):
     error_far = 8.0 * u * abs(middle) + 4.0 * u * half + error_half
     error_near = abs(near) * (error_far / abs(far) + 8.0 * u)
     error_near += 32.0 * u * u * (r * r + away * away) / (dd * abs(far))
+    # An image is moved: `middle` by that over |d|, which is 1/2 or more, and half^2 by this times 2 half.
+    off = moved * (2.0 + (2.0 * r + moved) / (half * dd))
+    error_near, error_far = error_near + off, error_far + off
+    near, far = not_zero(near, moved), not_zero(far, moved)
     n_dot_d = half * dd / r
     tangent = depth < band
     if table.trim is not None:

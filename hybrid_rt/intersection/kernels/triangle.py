@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import product
+from hybrid_rt.intersection.kernels.moved import not_zero
 from hybrid_rt.intersection.kernels.search.counters import CELLS, NODES
 from hybrid_rt.intersection.kernels.search.frame import (
     any_normal,
@@ -22,6 +23,7 @@ from hybrid_rt.intersection.kernels.search.nearest import (
     SUSPECT,
     begins_at,
     doubt,
+    is_known,
     note_departure,
     offer,
 )
@@ -41,12 +43,12 @@ NEEDLE = 16.0
 class TriangleTable(NamedTuple):
     """Triangles of all meshes, in a frame where they all lie within 1 of the origin."""
 
-    middle: Any  # (3,) world
+    middle: Any  # (4,) world: and the largest `meshing.surface.Surface.moved` of the meshes
     to_frame: float  # power of two
     vertex: Any  # (v, 3) world
     face: Any  # (f, 3) int64
     longest: float  # side of a face
-    around: Any  # (objects, 4) world: middle of each mesh, and the diameter of its box
+    around: Any  # (objects, 5) world: middle of each mesh, the diameter of its box, and its `moved`
     object_id: Any  # (f,) int32
     patch_id: Any  # (f,) int32: number within its mesh
     corner: Any  # (f, 9) world: the three vertices of each face, faces in the order of the tree
@@ -102,10 +104,10 @@ def _on_edge(px, py, qx, qy):
 
 @inlined
 def band_at(around, object_id, o):
-    """Return 64 eps x scale for a mesh and a ray's origin."""
+    """Return 64 eps x scale for a mesh and a ray's origin, and how far rounding has moved the mesh."""
     m = around[object_id]
     x, y, z = o[0] - m[0], o[1] - m[1], o[2] - m[2]
-    return TANGENT_BAND * max(np.sqrt(x * x + y * y + z * z), m[3])
+    return TANGENT_BAND * max(np.sqrt(x * x + y * y + z * z), m[3]) + m[4]
 
 
 @inner
@@ -130,6 +132,14 @@ def _note_beside(i, k, corner, order, around, object_id, o, d, t_min, known, bes
             gx, gy, gz = x + s * ex, y + s * ey, z + s * ez
             if gx * gx + gy * gy + gz * gz <= band * band:
                 doubt(i, t + s * along, band, t_min, known, best)
+                if around[object_id[order[k]], 4] > 0.0 and not t + s * along > t_min[i]:
+                    # The face that was meant may be met ahead: by the band over the slope.
+                    nx, ny, nz = _across(p)
+                    length = np.sqrt(nx * nx + ny * ny + nz * nz)
+                    slope = abs(nx * d[0] + ny * d[1] + nz * d[2])
+                    ahead = slope * (t + s * along - t_min[i]) + 2.0 * band * (slope + length) > 0.0
+                    if ahead and not is_known(i, t_min[i], 8.0 * band, 1.0, known):
+                        best.doubt[i] = min(best.doubt[i], t_min[i])
                 if known.shape[0] > 0 and abs(t + s * along - known[i, 0]) <= 8.0 * band:
                     # Where the ray begins next to a face, it may have left that one.
                     nx, ny, nz = _across(p)
@@ -188,7 +198,8 @@ def offer_triangle(i, k, table, o, d, shear, reach, near, rays, best):
     # normal of a needle turns by its rounding over its height, which is length over its side.
     side = max(abs(bx - ax), abs(cx - ax), abs(bx - cx), abs(by - ay), abs(cy - ay), abs(by - cy))
     side += max(abs(bz - az), abs(cz - az), abs(bz - cz))
-    error = UNIT_ROUNDOFF * away * (12.0 + 8.0 * side * side / length)
+    moved = around[object_id[order[k]], 4]
+    error = UNIT_ROUNDOFF * away * (12.0 + 8.0 * side * side / length) + moved
     t_bound = error / n_dot_d + 4.0 * UNIT_ROUNDOFF * abs(t)
     # --- a sliver, or one as the ray sees it: its weights by exact products, and t from them, so that
     # the point they name stays on the ray
@@ -222,8 +233,9 @@ def offer_triangle(i, k, table, o, d, shear, reach, near, rays, best):
         # point lies on the face, and so near the ray. How thin the face is counts only by n.d.
         turn = UNIT_ROUNDOFF * 16.0 * side * side / length
         if n_dot_d > 2.0 * turn:
-            rounding = UNIT_ROUNDOFF * SLIVER_ROUNDINGS * away / (n_dot_d - turn)
+            rounding = (UNIT_ROUNDOFF * SLIVER_ROUNDINGS * away + moved) / (n_dot_d - turn)
             t_bound = min(t_bound, rounding + 4.0 * UNIT_ROUNDOFF * abs(t))
+    t = not_zero(t, moved)
     # --- near an edge the hit may be lost when the ray moves
     f = order[k]
     tangent = CLEAR
@@ -248,7 +260,7 @@ def _reach(table, o):
     """Return more than the band of any mesh: sheared distances are up to sqrt(3) times as long."""
     m = table.middle
     away = abs(o[0] - m[0]) + abs(o[1] - m[1]) + abs(o[2] - m[2])
-    return 2.0 * TANGENT_BAND * (away + 2.0 / table.to_frame)
+    return 2.0 * (TANGENT_BAND * (away + 2.0 / table.to_frame) + m[3])
 
 
 @inlined

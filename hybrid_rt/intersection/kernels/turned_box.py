@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import product, two_difference
+from hybrid_rt.intersection.kernels.moved import not_zero
 from hybrid_rt.intersection.kernels.parallelogram import onto_parallelogram, weights_of_point
 from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.members import offer_each, offer_near
@@ -29,11 +30,11 @@ from meshing.kernels.jit import hot_kernel, inlined, inner
 class TurnedBoxTable(NamedTuple):
     """Boxes ``corner + a edge_0 + b edge_1 + c edge_2``, a, b, c in [0, 1]."""
 
-    corner: Any  # (k, 3)
+    corner: Any  # (k, 4): and `meshing.surface.Surface.moved`
     edge: Any  # (k, 3, 3)
     normal: Any  # (k, 3, 3) unit: across the other two edges, toward the end of each edge
     depth: Any  # (k, 3): normal . edge, the distance of each pair of faces
-    size: Any  # (k,): sum of the edges' lengths
+    size: Any  # (k,): sum of the edges' lengths; more, if rounding has moved an image
     area: Any  # (k, 3): of the faces across the normals
     orientation: Any  # (k,): 1 normals outward, -1 inward
     handed: Any  # (k,): 1 edges right-handed, -1 left-handed
@@ -43,12 +44,14 @@ class TurnedBoxTable(NamedTuple):
 def turned_box_table(boxes, object_id):
     """Return the table of a list of turned boxes."""
     edge = np.array([b.edges for b in boxes])
+    # All errors below are those of distances from faces, which have twelve roundings of the size.
+    moved = np.array([b.moved for b in boxes]) / (12.0 * UNIT_ROUNDOFF)
     return TurnedBoxTable(
-        corner=np.array([b.lo for b in boxes]),
+        corner=np.array([(*b.lo, b.moved) for b in boxes]),
         edge=edge,
         normal=np.array([b.across for b in boxes]),
         depth=np.array([b.depths for b in boxes]),
-        size=np.linalg.norm(edge, axis=2).sum(axis=1),
+        size=np.linalg.norm(edge, axis=2).sum(axis=1) + moved,
         area=np.array([b.areas[::2] for b in boxes]),
         orientation=np.array([float(b.orientation) for b in boxes]),
         handed=np.array([float(b.handedness) for b in boxes]),
@@ -225,12 +228,12 @@ def _offer_turned_box(i, k, table, rays, best):
     # What is passed by because the ray has left there is met by the ray as rounding has put it: at
     # another face than that of its departure this is a matter of rounding.
     if not ((has_left or starts_there) and enter >= start):
-        bound = bound_in + crossed
+        enter, bound = not_zero(enter, corner[k, 3]), bound_in + crossed
         offer(i, enter, bound, p, CLEAR, object_id[k], face_in, within, band, t_min, known, best)
     elif (departed >> face_in) & 1 == 0 and enter > t_min[i]:
         best.doubt[i] = min(best.doubt[i], enter)
     if not (has_left and leave >= start):
-        bound = bound_out + crossed
+        leave, bound = not_zero(leave, corner[k, 3]), bound_out + crossed
         offer(i, leave, bound, q, CLEAR, object_id[k], face_out, within, band, t_min, known, best)
     elif (departed >> face_out) & 1 == 0 and leave > t_min[i]:
         best.doubt[i] = min(best.doubt[i], leave)

@@ -52,7 +52,9 @@ class TriangleKind:
         object_id = np.repeat(np.array([i for i, _ in meshes], np.int32), counts)
         corners = vertex[face]
         order = np.arange(len(face), dtype=np.int32)
-        lower, upper = corners.min(axis=1), corners.max(axis=1)
+        moved = np.array([mesh.moved for _, mesh in meshes])
+        wide = 2.0 * np.repeat(moved, counts)[:, None]
+        lower, upper = corners.min(axis=1) - wide, corners.max(axis=1) + wide
         lo, hi = lower.min(axis=0), upper.max(axis=0)
         middle = 0.5 * lo + 0.5 * hi
         radius = np.linalg.norm(0.5 * hi - 0.5 * lo)
@@ -64,7 +66,7 @@ class TriangleKind:
         self._place = np.empty(len(face), np.int32)
         self._place[order] = np.arange(len(face), dtype=np.int32)
         self.table = TriangleTable(
-            middle=middle,
+            middle=np.append(middle, moved.max()),
             to_frame=to_frame,
             vertex=np.ascontiguousarray(vertex),
             face=np.ascontiguousarray(face),
@@ -143,10 +145,10 @@ def _longest_side(corners: FloatArray) -> float:
 
 
 def _around(meshes: Sequence[tuple[int, TriangleMesh]]) -> FloatArray:
-    """Return the middle of each mesh and the diameter of its box, one row per object."""
-    around = np.zeros((max(i for i, _ in meshes) + 1, 4))
+    """Return the middle of each mesh, the diameter of its box and its `moved`, one row per object."""
+    around = np.zeros((max(i for i, _ in meshes) + 1, 5))
     for i, mesh in meshes:
         low, high = mesh.bounds
         around[i, :3] = 0.5 * low + 0.5 * high
-        around[i, 3] = np.linalg.norm(high - low)
+        around[i, 3:] = np.linalg.norm(high - low), mesh.moved
     return around

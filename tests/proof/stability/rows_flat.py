@@ -1,9 +1,10 @@
-"""Rows H01 and H02: flat faces that meet at small angles, and such that are skew or flat."""
+"""Rows H01 to H03: flat faces at small angles, skew or flat ones, and images that rounding has moved."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from hybrid_rt.core.records import FloatArray, NamedPoints, Status
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.primitives import Box, Rectangle, TriangleMesh
 from proof.exact.crossings import bits, rational
+from proof.exact.images import SHAPES, judge, matrices_for
 from proof.exact.truth import ExactScene
 from proof.stability.measure import EPS, Plot
 from proof.stability.measure_exact import by_exact, exact_errors
@@ -125,3 +127,16 @@ def skew_faces(effort: Effort) -> Outcome:
             )
         curves.append(plot.curve)
     return replace(total, curves=tuple(curves))
+
+
+@row("H03", "images of closed forms and meshes, far from 0", "the given surface, in fractions")
+def images(effort: Effort) -> Outcome:
+    """Bounds and marks hold for the exact image under one or two matrices; rays graze, or begin on it."""
+    total, rng, n = Outcome(), effort.rng(3), effort.count(400, 8)
+    for given in SHAPES.values():
+        for far, size in product((0.0, 1e3, 1e7), (1e-3, 1.0, 1e3)):
+            for matrices in matrices_for(given, rng, size, far):
+                hits, wrong, broken = judge(given, matrices, rng, n)
+                marks = int((hits.status == Status.TANGENT).sum())
+                total += Outcome(rays=n, wrong=len(wrong), broken=len(broken), undecided=marks)
+    return total

@@ -11,6 +11,7 @@ from hybrid_rt.intersection.kernels.asphere.solve import (
     is_grazing,
 )
 from hybrid_rt.intersection.kernels.asphere.table import bounds_between, noise_near
+from hybrid_rt.intersection.kernels.moved import not_zero
 from hybrid_rt.intersection.kernels.search.nearest import doubt, is_left_behind, offer
 from hybrid_rt.intersection.kernels.search.tolerances import (
     MAX_PIECES,
@@ -31,11 +32,12 @@ BESIDE_RIM = 8.0
 def offer_sag_root(i, k, line, s, near, shift, per_t, rims, table, rays, best):
     """Offer the root at s; tell whether the search of this surface ends with it."""
     to_world = 1.0 / table.to_frame[k]
-    t = (shift + s * per_t) * to_world
+    moved = table.origin[k, 3]
+    t = not_zero((shift + s * per_t) * to_world, moved)
     if t > best.t[i]:
         return True
     reach = NEAR_BEGIN * per_t * to_world
-    if not near and is_left_behind(i, t, reach, rays.t_min, rays.known):
+    if not (near or moved > 0.0) and is_left_behind(i, t, reach, rays.t_min, rays.known):
         return False
     first_rim, second_rim, band = rims
     coefficient, noise, bend = table.coefficient, table.noise[k], table.bend[k]
@@ -154,6 +156,10 @@ def search(i, k, line, lo, hi, shift, per_t, rims, table, rays, best):
             s = 0.5 * (a + b) if is_flat else middle
             t = (shift + s * per_t) * to_world
             doubt_kept(i, k, line, s, t, band, table, rays, best)
+            # An image that was moved may be met on both sides of it; contacts are of order 4, mostly.
+            reach = 2.0 * np.sqrt(np.sqrt(table.origin[k, 3])) * per_t * to_world
+            if not t > rays.t_min[i] and t + reach > rays.t_min[i]:
+                best.doubt[i] = min(best.doubt[i], rays.t_min[i])
         ga, slope_a = gb, slope_b
         index += 1
         while depth > 0 and index % 2 == 0:

@@ -17,8 +17,8 @@ F0, F1, B0, B1, NOISE = range(5)
 class AsphereTable(NamedTuple):
     """Aspheres, each in a frame about its vertex; row k is object ``object_id[k]``."""
 
-    origin: Any  # (k, 3) world
-    size: Any  # (k,) world: radius of a ball about the vertex
+    origin: Any  # (k, 4) world; and, in the frame, `meshing.surface.Surface.moved`
+    size: Any  # (k,) world: radius of a ball about the vertex; more, if rounding has moved an image
     frame: Any  # (k, 3, 3): rows along u = 0, a quarter turn, the axis
     to_frame: Any  # (k,) powers of two: the ball's radius is 1/2 to 1
     curvature: Any  # (k,) in the frame, as all that follows
@@ -26,7 +26,7 @@ class AsphereTable(NamedTuple):
     coefficient: Any  # (k, n): c, b_0, b_1, ..., see `hybrid_rt.primitives.sag.Sag.expansion`
     rim: Any  # (k, 3): radius of the rim, its square, its height
     height: Any  # (k, 4): lowest and highest z; rounding of F; least band, see `_least_bands`
-    noise: Any  # (k,): rounding anywhere, as a distance
+    noise: Any  # (k,): rounding anywhere, as a distance; with what has moved an image
     bend: Any  # (k,): largest |g''|
     # (k, levels, zones, 5): of F, F' and rounding over 2^level zones of w from each one on
     bounds: Any
@@ -50,9 +50,11 @@ def asphere_table(aspheres, object_id, trim=None):
     bend = np.array([np.abs(zone.bend).max() for zone in zones])
     noise = UNIT_ROUNDOFF * np.array([zone.noise.max() for zone in zones])
     slope_noise = UNIT_ROUNDOFF * np.array([zone.slope_noise.max() for zone in zones])
+    moved = np.array([a.moved for a in aspheres])
+    off = moved * to_frame
     return AsphereTable(
-        origin=np.array([a.origin for a in aspheres]),
-        size=np.array([a.ball_radius for a in aspheres]),
+        origin=np.column_stack([[a.origin for a in aspheres], off]),
+        size=np.array([a.ball_radius for a in aspheres]) + 2.0 * moved,
         frame=np.array([np.stack([a.radial, a.binormal, a.axis]) for a in aspheres]),
         to_frame=to_frame,
         curvature=np.array([sag.curvature for sag in sags]),
@@ -68,9 +70,9 @@ def asphere_table(aspheres, object_id, trim=None):
             ],
             axis=1,
         ),
-        noise=RAY_NOISE + noise,
+        noise=RAY_NOISE + noise + off,
         bend=2.0 * steepest + 4.0 * rim * rim * bend,
-        bounds=np.array([_levels(zone) for zone in zones]),
+        bounds=np.array([_levels(zone, o) for zone, o in zip(zones, off, strict=True)]),
         orientation=np.array([float(a.orientation) for a in aspheres]),
         object_id=object_id,
         trim=None if trim is None else trim._replace(gap=trim.gap * to_frame),
@@ -86,9 +88,9 @@ def _least_bands(centre, noise, slope_noise):
     return np.where(centre != 0.0, 2.0 * (noise + slope_noise), 0.0)
 
 
-def _levels(zone):
+def _levels(zone, moved):
     """Return bounds (levels, zones, 5) over 1, 2, 4, ... zones from each one on."""
-    noise = RAY_NOISE + UNIT_ROUNDOFF * zone.noise[:, None]
+    noise = RAY_NOISE + UNIT_ROUNDOFF * zone.noise[:, None] + moved
     levels = [np.concatenate([zone.slope, zone.bend, noise], axis=1)]
     reach = 1
     while reach < len(zone.slope):

@@ -55,7 +55,7 @@ def offer_asphere(i, k, table, rays, best):
         return
     x, y, z, vx, vy, vz, half, length, t_of_zero, band = ray
     per_t, to_world = 1.0 / length, 1.0 / to_frame
-    band = max(band, table.height[k, 3])
+    band = max(band, table.height[k, 3]) + table.origin[k, 3]
     # --- within the slab of the sag
     thick = 2.0 * band + MARGIN
     bottom, top = table.height[k, 0] - thick, table.height[k, 1] + thick

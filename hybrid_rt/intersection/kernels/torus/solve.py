@@ -137,20 +137,22 @@ def find_root(line, a, b, sign, s):
 
 
 @inner
-def bound_of_root(line, s, near):
+def bound_of_root(line, s, near, moved):
     """Return how far from s the exact root can be: f has left zero before and behind by then.
 
-    ``near``: s is one of two roots that may be none; then both are within the bound.
+    ``near``: s is one of two roots that may be none; then both are within the bound. ``moved``: by how
+    much rounding has moved the torus.
     """
     _, slope, away, f = look(line, s)
-    wrong = abs(f) + ROUNDING
+    rounding = ROUNDING + moved
+    wrong = abs(f) + rounding
     width = 2.0 * wrong * away / max(abs(slope), 1e-300)
     # Where the ray grazes curvature, not slope, ends the contact.
     width = max(min(width, np.sqrt(8.0 * wrong * away)), 4.0 * UNIT_ROUNDOFF)
     while width < 4.0:
         _, _, _, before = look(line, s - width)
         _, _, _, behind = look(line, s + width)
-        if min(abs(before), abs(behind)) > ROUNDING and (near or (before > 0.0) != (behind > 0.0)):
+        if min(abs(before), abs(behind)) > rounding and (near or (before > 0.0) != (behind > 0.0)):
             break
         width *= 2.0
     return width

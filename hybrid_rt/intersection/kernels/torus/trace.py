@@ -31,6 +31,7 @@ proportional to |s|, |x0.d| and |R rho'|.
 
 import numpy as np
 
+from hybrid_rt.intersection.kernels.moved import not_zero
 from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.frame import (
     MARGIN,
@@ -71,13 +72,14 @@ NEAR_AXIS = 2.5
 def offer_torus(i, k, table, rays, best):
     """Offer the roots of ray i with torus k, one after the other, until one is taken."""
     to_frame, major, minor = table.to_frame[k], table.major[k], table.minor[k]
+    moved = table.origin[k, 3]
     ray = enter_turned_frame(
-        i, rays, best, table.origin[k], table.frame[k], to_frame, major + minor
+        i, rays, best, table.origin[k], table.frame[k], to_frame, major + minor + moved
     )
     if ray.half <= 0.0:
         return
     x, y, z, vx, vy, vz, half, length, t_of_zero, band = ray
-    per_t, to_world = 1.0 / length, 1.0 / to_frame
+    per_t, to_world, band = 1.0 / length, 1.0 / to_frame, band + moved
     # --- within the slab of the tube; f is positive at both ends
     thick = minor + 2.0 * band + MARGIN
     lo, hi = cut_to_slab(-half, half, z, vz, -thick, thick)
@@ -135,24 +137,25 @@ def offer_torus(i, k, table, rays, best):
             t = (t_of_zero + s * per_t) * to_world
             if (
                 is_near
-                and t > rays.t_min[i]
+                # The torus that was meant may be met on both sides of it; its contacts are of order 4.
+                and t + 2.0 * np.sqrt(np.sqrt(moved)) * per_t * to_world > rays.t_min[i]
                 and grazes_kept(table.trim, k, line, s, table.orientation[k], band)
             ):
                 best.doubt[i] = min(best.doubt[i], t)
         else:
             start = guess_root(line, s, -1.0) if is_inside else guess_root(line, before, 1.0)
             s_root = find_root(line, before, s, 1.0 if is_inside else -1.0, start)
-            t = (t_of_zero + s_root * per_t) * to_world
+            t = not_zero((t_of_zero + s_root * per_t) * to_world, moved)
             if t > best.t[i]:
                 return
             near = is_near or was_near
             reach = NEAR_BEGIN * per_t * to_world
-            if near or not is_left_behind(i, t, reach, rays.t_min, rays.known):
+            if near or moved > 0.0 or not is_left_behind(i, t, reach, rays.t_min, rays.known):
                 is_kept, is_within, edge, u, v = side_of_root(
                     table.trim, k, line, s_root, table.orientation[k], band
                 )
                 if is_kept:
-                    bound = bound_of_root(line, s_root, near) * per_t
+                    bound = bound_of_root(line, s_root, near, moved) * per_t
                     bound += 4.0 * UNIT_ROUNDOFF * (abs(t_of_zero) + abs(s_root * per_t))
                     bound += edge * per_t
                     _, slope, away, _ = look(line, s_root)
