@@ -106,13 +106,13 @@ def _new(file: Path, old: os.stat_result | None) -> Iterator[BinaryIO]:
     mode = 0o666 if old is None else stat.S_IMODE(old.st_mode) & 0o777
 
     def create(name: str, flags: int) -> int:
-        return os.open(name, flags | os.O_NOFOLLOW, mode)
+        return os.open(name, flags | getattr(os, "O_NOFOLLOW", 0), mode)
 
     # Not derived from the name of the file, which may be as long as names can be.
     temporary = file.with_name(f".{secrets.token_hex(12)}.part")
     with open(temporary, "xb", opener=create) as new:
         try:
-            if old is not None:
+            if old is not None and hasattr(os, "fchown"):  # not so on Windows
                 with suppress(OSError):  # only root may give files away
                     os.fchown(new.fileno(), old.st_uid, -1)
                 with suppress(OSError):

@@ -222,6 +222,9 @@ def unheard_by_others() -> Iterator[None]:
 
     A terminal sends it to all processes of a command, and this one tells the others to end.
     """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
     from multiprocessing import resource_tracker
 
     # Whoever starts this one unblocks the signal in its thread.

@@ -355,4 +355,5 @@ def _forget() -> None:
 
 
 _workers = _Workers()
-os.register_at_fork(after_in_child=_forget)
+if hasattr(os, "register_at_fork"):  # not so on Windows
+    os.register_at_fork(after_in_child=_forget)

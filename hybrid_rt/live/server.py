@@ -10,7 +10,6 @@ from __future__ import annotations
 import errno
 import hmac
 import json
-import resource
 import select
 import socket
 import threading
@@ -23,6 +22,7 @@ from importlib.resources import files
 from typing import Any, Protocol
 from urllib.parse import parse_qs, urlsplit
 
+from hybrid_rt.core.memory import free_descriptors
 from hybrid_rt.live.picture import HalfPicture
 
 HOST = "127.0.0.1"
@@ -167,9 +167,7 @@ class _Server(ThreadingHTTPServer):
     def verify_request(self, request: Any, client_address: Any) -> bool:
         """Tell whether there is room for a connection, before it takes a thread."""
         del client_address
-        limit = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
-        # The lowest free descriptor is given out: all below it are in use.
-        n_free = RESERVE + 1 if limit == resource.RLIM_INFINITY else limit - 1 - request.fileno()
+        n_free = free_descriptors(request.fileno())
         with self.count_lock:
             is_full = len(self._connections) >= MOST_CONNECTIONS or n_free < RESERVE
             if is_full:

@@ -8,10 +8,10 @@ from dataclasses import asdict
 from typing import Any
 
 from hybrid_rt.core.ledger import plain
+from hybrid_rt.core.memory import peak_memory_mib
 from hybrid_rt.integrators.workers import Workers
 from hybrid_rt.rendering.limits import Clock, Limit
 from hybrid_rt.rendering.summary import in_words
-from hybrid_rt.rendering.versions import peak_memory_mib
 from hybrid_rt.rendering.watcher import Beginning
 from hybrid_rt.sensor.film import Film
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hybrid_rt.core.ledger import twelve_digits
+from hybrid_rt.core.memory import peak_memory_mib
 from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.media.absorption import unclosed_bodies
@@ -20,7 +21,7 @@ from hybrid_rt.rendering.unmet_light import (
     unmet_light,
     unmet_place,
 )
-from hybrid_rt.rendering.versions import peak_memory_mib, versions
+from hybrid_rt.rendering.versions import versions
 from hybrid_rt.sensor.film import Film
 
 if TYPE_CHECKING:

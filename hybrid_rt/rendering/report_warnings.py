@@ -9,7 +9,7 @@ from hybrid_rt.rendering.forecast import ERRORS
 from hybrid_rt.rendering.limits import DEFAULT_DEPTH
 from hybrid_rt.rendering.report import depth_cuts_off, share_cut_off
 from hybrid_rt.rendering.units import per_cent
-from hybrid_rt.scene.lamps_in_surfaces import lamp_in_words
+from hybrid_rt.scene.lint.lamps_in_surfaces import lamp_in_words
 
 # Of the light that was followed: that much cut off is worth a warning.
 MUCH = 0.01
@@ -110,7 +110,7 @@ def scene_warnings(faults: dict[str, Any]) -> list[str]:
     Parameters
     ----------
     faults : dict
-        As `hybrid_rt.scene.faults.faults_of`; a report holds these keys too.
+        As `hybrid_rt.scene.lint.faults.faults_of`; a report holds these keys too.
     """
     lines = [
         f"{name} lights nothing: its light comes to no object. {_how_to_turn(name, faults)}"

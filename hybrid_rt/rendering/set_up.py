@@ -16,8 +16,8 @@ from hybrid_rt.integrators.workers import Workers
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.compiled import CompiledScene, compile_scene
-from hybrid_rt.scene.faults import faults_of
-from hybrid_rt.scene.lamps_in_surfaces import with_lamps_lifted
+from hybrid_rt.scene.lint.faults import faults_of
+from hybrid_rt.scene.lint.lamps_in_surfaces import with_lamps_lifted
 from hybrid_rt.scene.plan import KERNELS_FOR, Plan, make_plan
 from hybrid_rt.scene.scene import Scene
 

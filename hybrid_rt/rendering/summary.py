@@ -15,7 +15,7 @@ from hybrid_rt.rendering.report_warnings import (
     warnings_in_words,
 )
 from hybrid_rt.rendering.units import duration, passes_in_words, per_cent
-from hybrid_rt.scene.lamps_in_surfaces import lamp_in_words
+from hybrid_rt.scene.lint.lamps_in_surfaces import lamp_in_words
 from hybrid_rt.sensor.image_metrics import DIM
 
 # So many pixels are most of the picture.

@@ -1,9 +1,8 @@
-"""The environment of a render, for its report: versions and peak memory."""
+"""The environment of a render, for its report: versions."""
 
 from __future__ import annotations
 
 import platform
-import sys
 from functools import cache
 from importlib import metadata
 
@@ -11,15 +10,6 @@ from hybrid_rt._version import __version__
 
 # Whatever decides bits of a picture.
 _PACKAGES = ("numpy", "numba", "scipy", "embreex", "trimesh")
-
-
-def peak_memory_mib() -> float:
-    """Return the peak memory of this process, MiB."""
-    import resource
-
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    # Kibibytes, but bytes on a Mac.
-    return peak / (2**20 if sys.platform == "darwin" else 2**10)
 
 
 def versions() -> dict[str, str]:

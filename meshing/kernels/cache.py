@@ -16,7 +16,6 @@ Times of files do not count: a fresh clone or installation can use a cache that 
 from __future__ import annotations
 
 import atexit
-import fcntl
 import functools
 import hashlib
 import os
@@ -34,6 +33,11 @@ from numba.core import config
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
 from meshing.kernels.link_only import CacheOfLinked
+
+try:
+    import fcntl
+except ImportError:  # Windows: an entry may be lost there, and is compiled again
+    fcntl = None  # type: ignore[assignment]
 
 LOCK_FILE = "kernels.lock"
 KERNELS = "kernels"
@@ -140,7 +144,8 @@ def _locked(folder: Path, mode: str) -> Iterator[None]:
         # Nothing cached so far, a folder that cannot be written, or a file system without locks.
         with suppress(OSError):
             file = stack.enter_context((folder / LOCK_FILE).open(mode))  # closing it unlocks
-            fcntl.flock(file, fcntl.LOCK_SH if mode == "rb" else fcntl.LOCK_EX)
+            if fcntl is not None:
+                fcntl.flock(file, fcntl.LOCK_SH if mode == "rb" else fcntl.LOCK_EX)
         yield
 
 
@@ -173,7 +178,7 @@ def _temporary_folder() -> Path:
     Its name is the same for all processes of a user; where somebody else has taken that name, it is a
     folder of this process alone.
     """
-    folder = Path(tempfile.gettempdir()) / f"hybrid_rt-kernels-{os.geteuid()}"
+    folder = Path(tempfile.gettempdir()) / f"hybrid_rt-kernels-{_user()}"
     with suppress(OSError):
         with suppress(FileExistsError):
             folder.mkdir(mode=0o700)
@@ -189,10 +194,14 @@ def _temporary_folder() -> Path:
     return own
 
 
+def _user() -> int:
+    return os.geteuid() if hasattr(os, "geteuid") else 0  # as `os.stat` says on Windows
+
+
 def _is_private(folder: Path, others: int) -> bool:
     """Tell whether a path is a folder, no link to one, of this user, without any of some mode bits."""
     found = folder.lstat()
-    is_ours = stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid()
+    is_ours = stat.S_ISDIR(found.st_mode) and found.st_uid == _user()
     return is_ours and not found.st_mode & others
 
 

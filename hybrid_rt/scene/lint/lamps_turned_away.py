@@ -10,7 +10,7 @@ import numpy as np
 
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
-from hybrid_rt.scene.lamps_in_surfaces import name_of
+from hybrid_rt.scene.lint.lamps_in_surfaces import name_of
 from hybrid_rt.shading.kernels.light_kinds import RECTANGLE, SPOT
 
 # Rounding of an angle, generously.

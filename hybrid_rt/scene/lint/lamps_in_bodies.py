@@ -15,7 +15,7 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.primitives import Box, Sphere
 from hybrid_rt.primitives.torus import Torus
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
-from hybrid_rt.scene.lamps_in_surfaces import name_of
+from hybrid_rt.scene.lint.lamps_in_surfaces import name_of
 from hybrid_rt.shading.kernels.lobes.register import TRANSMITS
 
 # Of the body's size: nearer to its surface rounding may decide.

@@ -159,7 +159,7 @@ def test_lamps_without_a_way_out_are_warned_of_before_the_render(objects, lights
 
     report = render(Scene(camera, objects, lights), passes=1).report
     (record,) = caplog.records
-    assert (record.name, record.levelname) == ("hybrid_rt.scene.lamps_in_surfaces", "WARNING")
+    assert (record.name, record.levelname) == ("hybrid_rt.scene.lint.lamps_in_surfaces", "WARNING")
     assert re.search(r"lies in objects\[\d\] .* move it away", record.getMessage())
     assert report["lamps_in_surfaces"][0]["lifted_by"] == 0.0
     assert "WARNING" in numbers.in_words(report)

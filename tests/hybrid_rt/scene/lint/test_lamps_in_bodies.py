@@ -24,7 +24,7 @@ from hybrid_rt import (
 )
 from hybrid_rt.rendering.summary import in_words
 from hybrid_rt.scene.compiled import compile_scene
-from hybrid_rt.scene.lamps_in_bodies import lamps_in_bodies
+from hybrid_rt.scene.lint.lamps_in_bodies import lamps_in_bodies
 from meshing.curve2 import polygon
 
 MATT = Lambertian(0.5)

@@ -1,4 +1,4 @@
-"""What a scene alone tells to be wrong with it, before anything is rendered."""
+"""All faults of a scene, by the keys that a report has for them."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from typing import Any
 
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.scene.compiled import CompiledScene
-from hybrid_rt.scene.in_one_plane import surfaces_in_one_plane
-from hybrid_rt.scene.lamps_in_bodies import lamps_in_bodies
-from hybrid_rt.scene.lamps_turned_away import lamps_turned_away
-from hybrid_rt.scene.narrow_view import narrow_view
-from hybrid_rt.scene.overlapping import overlapping_bodies
-from hybrid_rt.scene.pictures_on_meshes import pictures_on_meshes
+from hybrid_rt.scene.lint.in_one_plane import surfaces_in_one_plane
+from hybrid_rt.scene.lint.lamps_in_bodies import lamps_in_bodies
+from hybrid_rt.scene.lint.lamps_turned_away import lamps_turned_away
+from hybrid_rt.scene.lint.narrow_view import narrow_view
+from hybrid_rt.scene.lint.overlapping import overlapping_bodies
+from hybrid_rt.scene.lint.pictures_on_meshes import pictures_on_meshes
 
 
 def faults_of(scene: CompiledScene, tracer: Intersector) -> dict[str, Any]:

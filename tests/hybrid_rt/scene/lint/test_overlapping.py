@@ -18,7 +18,7 @@ from hybrid_rt import (
     render,
 )
 from hybrid_rt.scene.compiled import compile_scene
-from hybrid_rt.scene.overlapping import overlapping_bodies
+from hybrid_rt.scene.lint.overlapping import overlapping_bodies
 
 CAMERA = Camera((0, -9, 3), (0, 0, 1), (0, 0, 1), 40, 16, 12)
 LAMP = PointLight((3, -4, 9), 300.0)

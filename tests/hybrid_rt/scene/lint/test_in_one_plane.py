@@ -18,7 +18,7 @@ from hybrid_rt import (
 from hybrid_rt.lights import RectangleLight
 from hybrid_rt.rendering.report_warnings import warnings_in_words
 from hybrid_rt.scene.compiled import compile_scene
-from hybrid_rt.scene.in_one_plane import surfaces_in_one_plane
+from hybrid_rt.scene.lint.in_one_plane import surfaces_in_one_plane
 from meshing import TrimmedSurface, circle, polygon
 
 CAMERA = Camera((0, -3, 1), (0, 0, 1), (0, 0, 1), 40, 4, 4)

@@ -2,7 +2,7 @@
 
 A mirror or a picture in the plane of its wall is such a pair, and so are two lamps. Rays name one surface
 where two coincide, so the other may not be seen at all. (A `RectangleLight` is lifted out of what does not
-shine, or shines to the other side; see `hybrid_rt.scene.lamps_in_surfaces`.)
+shine, or shines to the other side; see `hybrid_rt.scene.lint.lamps_in_surfaces`.)
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.primitives import Box, Rectangle
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.scene.lamp_points import size_by_camera
-from hybrid_rt.scene.lamps_in_surfaces import LIFT, MOST_LIFTS, name_of
+from hybrid_rt.scene.lint.lamps_in_surfaces import LIFT, MOST_LIFTS, name_of
 from hybrid_rt.shading.kernels.lobes.register import TRANSMITS
 from meshing.surface import Surface
 from meshing.trimmed import TrimmedSurface
