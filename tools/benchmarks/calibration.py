@@ -21,13 +21,14 @@ from hybrid_rt.primitives import Box, Rectangle, Sphere
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
-from proof.cases.campaign import STEP
 from proof.cases.rays import hard_rays
 from proof.judge import Judge
 
 # Pixels of the pictures: enough for a mean, few enough for hundreds of pictures.
 SIDE = 4
 EPS = float(np.finfo(np.float64).eps)
+# Rays that are judged at once.
+STEP = 2_000
 
 
 @dataclass(frozen=True)
