@@ -64,7 +64,7 @@ def main() -> int:
         "--picture", action="append", choices=list(PICTURES), help="default: all; may be repeated"
     )
     parser.add_argument("--blur-seeds", type=int, default=40, help="0: none")
-    parser.add_argument("--hits", type=float, default=1e6, help="shared by the scenes; 0: none")
+    parser.add_argument("--hits", type=float, default=1e5, help="shared by the scenes; 0: none")
     parser.add_argument("--digits-hits", type=float, default=1e4, help="to 60 digits; 0: none")
     parser.add_argument("--threads", type=one_or_more, help="for blur and hits; noise takes one")
     parser.add_argument("--out", type=Path, help="write the figures as JSON")
@@ -91,7 +91,7 @@ def main() -> int:
                 _blur(name, args.photon_passes[0], args.blur_seeds, args.threads)
                 for name in PHOTON_PICTURES
             )
-        for count, digits in ((args.hits, "double-double"), (args.digits_hits, "60 digits")):
+        for count, digits in ((args.hits, "exact arithmetic"), (args.digits_hits, "60 digits")):
             share = -(-int(count) // len(SCENES))
             rows.extend(_bind(name, share, digits, args.threads) for name in SCENES if count)
     return 0 if all(row["honest"] for row in rows) else 1
@@ -182,7 +182,7 @@ def _bind(name: str, n_hits: int, digits: str, threads: int | None) -> dict[str,
         # Not every ray hits: go on until there are enough.
         for part in bounds(SCENES[name](), 100 * n_hits, 1, threads):
             parts.append(part)
-            if sum(p.hits for p in parts) >= n_hits:
+            if sum(len(p.looseness) for p in parts) >= n_hits:
                 break
     looseness = np.concatenate([part.looseness for part in parts])
     hits, exceeded = len(looseness), sum(part.exceeded for part in parts)

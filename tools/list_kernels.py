@@ -52,7 +52,6 @@ from meshing import BezierPatches, TrimmedSurface, circle
 from meshing.kernels.cache import CacheOfParts, SharedCache, name_of
 from proof.cases.campaign import SCENES as SURFACES_TO_JUDGE
 from proof.cases.campaign import steps
-from proof.judges.surface_judge import all_judges
 
 SCENES = Path(__file__).parents[1] / "scenes"
 # All of light and material between them.
@@ -120,24 +119,22 @@ def surfaces_of(kind: str) -> list[Any]:
         "rational patches": lambda: rational_patch(2, 4),
         "revolutions": lambda: demo.vase(0.0, 0.0, 5.0),
         "meshes": lambda: TriangleMesh(trimesh.creation.icosphere(1)),
-        **of_judges(),
+        **closed_scenes(),
     }
     found = made[kind]()
     return found if isinstance(found, list) else [found]
 
 
-def of_judges() -> dict[str, Callable[[], Any]]:
-    """Return the examples that judges bring of classes that do not go to Embree, by their kernels."""
+def closed_scenes() -> dict[str, Callable[[], Any]]:
+    """Return judged scenes of one class that does not go to Embree, by its kernels."""
     found: dict[str, Callable[[], Any]] = {}
-    for judge in all_judges().values():
-        for make in judge.examples.values():
-            groups = kernel_groups(make(), "certified", "embree")
-            if groups == kernel_groups(make(), "certified", "none"):
-                found.update(dict.fromkeys(groups, make))
+    for name in ("tori", "aspheres", "turned boxes"):
+        make = SURFACES_TO_JUDGE[name]
+        found.update(dict.fromkeys(kernel_groups(make(), "certified", "embree"), make))
     return found
 
 
-CLOSED = ("spheres", "rectangles", "boxes", *of_judges())
+CLOSED = ("spheres", "rectangles", "boxes", *closed_scenes())
 MANY_OF = "many "
 PLAIN = ("planes", *CLOSED, *(MANY_OF + kind for kind in CLOSED))
 FROM_EMBREE = (

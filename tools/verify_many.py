@@ -27,7 +27,6 @@ from proof.cases.filtered_campaign import (
     ORDINARY,
     ORDINARY_SCENES,
     SINGULAR,
-    Count,
     Group,
     added,
     run_ordinary,
@@ -35,6 +34,7 @@ from proof.cases.filtered_campaign import (
 )
 from proof.cases.singular_campaign import MOST_OPEN
 from proof.cases.singular_sets import DISTANCES, KINDS, PLACEMENTS, SETS
+from proof.exact.judge import BatchVerdict
 
 HEAD = (
     f"{'':30}{'rays':>11}{'hits':>11}{'TANGENT':>9}{'asked':>9}{'wrong':>7}{'+TANGENT':>9}"
@@ -107,23 +107,22 @@ def _total(groups: Sequence[Group]) -> int:
                 print(_line(f"{rays}, {kind}", count))
         counts = [count for (whose, _), count in table.items() if whose == rays]
         if len(counts) > 1:
-            print(_line(f"{rays}, all", sum(counts, Count())))
-    total = sum(table.values(), Count())
+            print(_line(f"{rays}, all", sum(counts, BatchVerdict())))
+    total = sum(table.values(), BatchVerdict())
     print(f"{total.rays} rays, {total.faults} faults, {total.left_open} left open")
     return 1 if total.faults or total.left_open > MOST_OPEN * total.rays else 0
 
 
 def _read(path: Path) -> list[Group]:
     plain = json.loads(path.read_text("utf-8"))
-    return [Group(**{**entry, "count": Count(**entry["count"])}) for entry in plain]
+    return [Group(**{**entry, "count": BatchVerdict(**entry["count"])}) for entry in plain]
 
 
-def _line(name: str, c: Count) -> str:
-    seconds = c.seconds + c.filter_seconds + c.exact_seconds
+def _line(name: str, c: BatchVerdict) -> str:
     return (
-        f"{name:30}{c.rays:11}{c.hits:11}{c.tangent:9}{c.asked:9}{c.wrong:7}{c.wrong_tangent:9}"
-        f"{c.bounds_broken:7}{c.off_ray:5}{c.off_ray_tangent:9}{c.unmarked:8}{c.left_open:6}{c.passed_over:8}{seconds:9.1f}"
-        f"{1e-3 * c.rays / max(seconds, 1e-9):9.1f}"
+        f"{name:30}{c.rays:11}{c.hits:11}{c.tangent:9}{c.asked:9}{c.n_wrong:7}{c.wrong_tangent:9}"
+        f"{c.bounds_broken:7}{c.off_ray:5}{c.off_ray_tangent:9}{c.unmarked:8}{c.left_open:6}{c.passed_over:8}{c.seconds:9.1f}"
+        f"{1e-3 * c.rays / max(c.seconds, 1e-9):9.1f}"
     )
 
 

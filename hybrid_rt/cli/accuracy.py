@@ -109,8 +109,9 @@ def load(file: Path) -> list[Any]:
     curved = [item.surface for item in load_scene(file).objects if item.surface.is_freeform]
     if not curved:
         raise ValueError(
-            f"{file} has neither patches nor a surface of revolution: name a file with one (all others, "
-            "aspheres and tori among them, are never made of triangles here)"
+            f"{file} has neither patches nor a surface of revolution: name a file with one. All others, "
+            "aspheres and tori among them, are never made of triangles: hybrid-rt study FILE --only hits times "
+            "their exact hits"
         )
     return curved
 

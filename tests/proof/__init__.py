@@ -1,1 +1,1 @@
-"""Slow, independent oracles to test the fast code against, and the catalogue of hard cases."""
+"""Judges of hits, which share no code with the tracer, and the catalogue of hard cases."""

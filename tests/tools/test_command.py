@@ -46,8 +46,8 @@ def test_ctrl_c_keeps_what_was_found(tmp_path, monkeypatch, capsys):
     ("change", "words", "code"),
     [
         ({}, "wrong", 0),
-        ({"worst_bound": 2.0}, "t_bound is broken: vase", 1),
-        ({"worst_gap": 2.0}, "points lie beside their rays: vase", 1),
+        ({"bounds_broken": 1}, "t_bound is broken: vase", 1),
+        ({"off_ray": 1}, "points lie beside their rays: vase", 1),
         ({"rays": 0}, "0 rays judged", 1),
     ],
 )
@@ -212,10 +212,6 @@ def test_spots_that_cannot_be_drawn_are_said_before_they_are_traced(
 @pytest.mark.parametrize(
     ("words", "refusal"),
     [
-        (
-            ["verify_hits.py", "--second", "--coarse", "none"],
-            "--second compares without a coarse stage: leave out --coarse none",
-        ),
         (
             [
                 "calibrate.py", "--integrator", "whitted", "--picture", "caustic edge",

@@ -1,6 +1,6 @@
 """The hard cases, as data: surfaces, rays and expected hits.
 
-The expected t is a closed form, or that of the oracle. The letter of an id is the kind of case: A
+The expected t is a closed form, or that of the judges. The letter of an id is the kind of case: A
 patches, B surfaces of revolution, C spheres, D rays.
 """
 
@@ -37,7 +37,7 @@ class Case:
     rays : callable of the surfaces, a factor and a seed
         Returns origins and directions; the factor multiplies their number where they are random.
     t : (n,) float64, optional
-        First hits in closed form, inf for a miss; None: the oracle's.
+        First hits in closed form, inf for a miss; None: judged by exact arithmetic.
     most_error : float, optional
         Bound on |t - exact| |d| |cos|, relative to the distance of the hit or 1, whichever is
         larger. For cases where rounding relative to the scale would be too lax a bound: near a

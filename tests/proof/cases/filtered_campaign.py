@@ -9,13 +9,13 @@ from __future__ import annotations
 import time
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from hybrid_rt.analysis.ray_sets import RaySet, at_box, camera
-from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, Status
+from hybrid_rt.core.records import FloatArray, HitRecord, IntArray
 from hybrid_rt.intersection import Intersector
 from proof.cases.campaign import SCENES
 from proof.cases.placed import placed
@@ -23,61 +23,14 @@ from proof.cases.rays import chords
 from proof.cases.singular_campaign import placed_surfaces, trace_cell
 from proof.cases.singular_rays import size_of
 from proof.cases.singular_sets import DISTANCES, KINDS, PLACEMENTS, SETS
-from proof.exact.judge import ExactJudge
-from proof.filters.screen import Screen
+from proof.exact.judge import BatchVerdict
+from proof.judge import Judge
 
 # Ordinary rays per step: some per placement and generator.
 STEP = 20_000
 SINGULAR, ORDINARY = "singular", "ordinary"
 # How many rows of each fault are kept.
 MOST_EXAMPLES = 5
-
-
-@dataclass
-class Count:
-    """Figures of one group of rays, or of a sum of groups.
-
-    Attributes
-    ----------
-    rays, hits, tangent : int
-        TANGENT says the tracer.
-    asked : int
-        Rays that the filters do not confirm: exact arithmetic judges these.
-    wrong, wrong_tangent, bounds_broken, off_ray, off_ray_tangent, unmarked, left_open : int
-        As in `BatchVerdict`: wrong first hits of rows without and with TANGENT, broken bounds of t,
-        points off their rays without and with TANGENT, rows without TANGENT whose decision is that of
-        a ray within the band and not of the exact one, and rays that exact arithmetic leaves open.
-    passed_over : int
-        Rows that say TANGENT, that the filters do not confirm, and that exact arithmetic is not
-        asked about: no decision of theirs is guaranteed.
-    seconds, filter_seconds, exact_seconds : float
-        Of the tracer, the filters, and exact arithmetic.
-    """
-
-    rays: int = 0
-    hits: int = 0
-    tangent: int = 0
-    asked: int = 0
-    wrong: int = 0
-    wrong_tangent: int = 0
-    bounds_broken: int = 0
-    off_ray: int = 0
-    off_ray_tangent: int = 0
-    unmarked: int = 0
-    left_open: int = 0
-    passed_over: int = 0
-    seconds: float = 0.0
-    filter_seconds: float = 0.0
-    exact_seconds: float = 0.0
-
-    @property
-    def faults(self) -> int:
-        """Number of rows against what is guaranteed."""
-        return self.wrong + self.bounds_broken + self.off_ray + self.off_ray_tangent + self.unmarked
-
-    def __add__(self, other: Count) -> Count:
-        """Add up."""
-        return Count(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
 
 
 @dataclass
@@ -93,7 +46,8 @@ class Group:
     rays : str
         `SINGULAR` or `ORDINARY`.
     seed : int
-    count : Count
+    count : BatchVerdict
+        Its ``seconds`` are those of the tracer and of the judge.
     examples : list of (fault, ray)
         A ray is its batch and row, its origin and direction as hex, and the hit.
     """
@@ -102,70 +56,28 @@ class Group:
     kind: str
     rays: str
     seed: int
-    count: Count = field(default_factory=Count)
+    count: BatchVerdict = field(default_factory=BatchVerdict)
     examples: list[tuple[str, dict[str, Any]]] = field(default_factory=list)
 
 
-class Checker:
-    """Filters and exact judge of one list of surfaces.
-
-    Parameters
-    ----------
-    surfaces : sequence of surfaces
-    tangent_every : int
-        Of the rows with TANGENT that filters do not confirm each so-manyth is judged.
-    """
-
-    def __init__(self, surfaces: Sequence[Any], tangent_every: int = 1) -> None:
-        self._every, self._seen = tangent_every, 0
-        self._screen, self._surfaces = Screen(surfaces), list(surfaces)
-        self._exact: ExactJudge | None = None
-
-    def check(
-        self,
-        group: Group,
-        batch: str,
-        hits: HitRecord,
-        origins: FloatArray,
-        directions: FloatArray,
-        leaves: IntArray | None,
-    ) -> None:
-        """Judge some hits, and add to the figures of a group."""
-        start = time.perf_counter()
-        confirmed = self._screen.confirmed(hits, origins, directions, leaves)
-        between = time.perf_counter()
-        is_tangent = hits.status == Status.TANGENT
-        marked = np.flatnonzero(~confirmed & is_tangent)
-        kept = marked[(self._seen + np.arange(len(marked))) % self._every == 0]
-        self._seen += len(marked)
-        rows = np.union1d(np.flatnonzero(~confirmed & ~is_tangent), kept)
-        count = Count(
-            rays=len(hits),
-            hits=int(hits.hit.sum()),
-            tangent=int(is_tangent.sum()),
-            asked=len(rows),
-            passed_over=len(marked) - len(kept),
-        )
-        if len(rows):
-            if self._exact is None:
-                self._exact = ExactJudge(self._surfaces)
-            left = None if leaves is None else np.asarray(leaves)[rows]
-            verdict = self._exact.judge(
-                hits[rows], origins[rows], directions[rows], leaves=left, marks=False
-            )
-            count.wrong, count.wrong_tangent = verdict.n_wrong, verdict.wrong_tangent
-            count.bounds_broken, count.off_ray = verdict.bounds_broken, verdict.off_ray
-            count.off_ray_tangent = verdict.off_ray_tangent
-            count.unmarked, count.left_open = verdict.unmarked, verdict.left_open
-            for fault, found in verdict.examples.items():
-                known = sum(name == fault for name, _ in group.examples)
-                for k in found[: max(MOST_EXAMPLES - known, 0)]:
-                    i = int(rows[k])
-                    ray = _described(batch, i, hits, origins, directions)
-                    group.examples.append((fault, ray))
-        count.filter_seconds = between - start
-        count.exact_seconds = time.perf_counter() - between
-        group.count += count
+def _check(
+    judge: Judge,
+    group: Group,
+    batch: str,
+    hits: HitRecord,
+    origins: FloatArray,
+    directions: FloatArray,
+    leaves: IntArray | None,
+) -> None:
+    """Judge some hits, and add to the figures of a group."""
+    start = time.perf_counter()
+    verdict = judge.judge(hits, origins, directions, leaves)
+    verdict.seconds = time.perf_counter() - start
+    for fault, rows in verdict.examples.items():
+        known = sum(name == fault for name, _ in group.examples)
+        for i in rows[: max(MOST_EXAMPLES - known, 0)]:
+            group.examples.append((fault, _described(batch, i, hits, origins, directions)))
+    group.count += verdict
 
 
 def _described(
@@ -190,14 +102,14 @@ def run_singular(name: str, n: int, seed: int, tangent_every: int = 1) -> Iterat
     for placement in PLACEMENTS:
         surfaces = placed_surfaces(name, placement)
         tracer = Intersector(surfaces, coarse="none", threads=1)
-        checker = Checker(surfaces, tangent_every)
+        judge = Judge(surfaces, tangent_every)
         for distance in DISTANCES:
             start = time.perf_counter()
             cell = trace_cell(tracer, name, distance, placement, each, seed)
             group.count.seconds += time.perf_counter() - start
             leaves = None if cell.source is None else cell.source.object_id
             batch = f"trace_cell({name!r}, {distance:g}, {placement!r}, {each}, {seed})"
-            checker.check(group, batch, cell.hits, cell.origins, cell.directions, leaves)
+            _check(judge, group, batch, cell.hits, cell.origins, cell.directions, leaves)
         yield group
 
 
@@ -258,7 +170,7 @@ def run_ordinary(name: str, n: int, seed: int) -> Iterator[Group]:
     each = max(n // len(PLACEMENTS), 1)
     for number, placement in enumerate(PLACEMENTS):
         surfaces = _placed(make(), placement)
-        tracer, checker = Intersector(surfaces, coarse="none", threads=1), Checker(surfaces)
+        tracer, judge = Intersector(surfaces, coarse="none", threads=1), Judge(surfaces)
         for begin in range(0, each, STEP):
             m = min(STEP, each - begin)
             ray_seed = zlib.crc32(f"{name} {seed} {number} {begin}".encode())
@@ -267,7 +179,7 @@ def run_ordinary(name: str, n: int, seed: int) -> Iterator[Group]:
             hits = tracer.intersect(rays.origins, rays.directions)
             group.count.seconds += time.perf_counter() - start
             batch = f"ordinary_rays({name!r} {placement!r}, {m}, {ray_seed})"
-            checker.check(group, batch, hits, rays.origins, rays.directions, None)
+            _check(judge, group, batch, hits, rays.origins, rays.directions, None)
             yield group
 
 
@@ -279,7 +191,7 @@ def _placed(surfaces: list[Any], placement: str) -> list[Any]:
     return [placed(surface, matrix) for surface in surfaces]
 
 
-def added(groups: Sequence[Group]) -> dict[tuple[str, str], Count]:
+def added(groups: Sequence[Group]) -> dict[tuple[str, str], BatchVerdict]:
     """Return the sums by kind of rays and of surfaces.
 
     Raises
@@ -296,10 +208,10 @@ def added(groups: Sequence[Group]) -> dict[tuple[str, str], Count]:
                 "add up runs with different seeds"
             )
         seen.add(key)
-    table: dict[tuple[str, str], Count] = {}
+    table: dict[tuple[str, str], BatchVerdict] = {}
     for rays in (SINGULAR, ORDINARY):
         for kind in KINDS:
             counts = [g.count for g in groups if g.rays == rays and g.kind == kind]
             if counts:
-                table[rays, kind] = sum(counts, Count())
+                table[rays, kind] = sum(counts, BatchVerdict())
     return table

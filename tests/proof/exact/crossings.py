@@ -1,4 +1,4 @@
-"""What the exact oracles return, and the arithmetic they share (needs python-flint).
+"""What exact surfaces return, and the arithmetic they share (needs python-flint).
 
 A float is a rational number; so are the figures of surfaces and rays, and what is computed from
 them here is rational, or a ball of arbitrary precision that holds the true number (Johansson 2017,
@@ -28,7 +28,7 @@ FIRST_BITS, LAST_BITS = 192, 1 << 14
 # t of a crossing is known to this part of max(|t|, 1 / |d|, |o|): some thirty bits beyond float64.
 NARROW = 2.0**-84
 
-POINT, ALONG, OPEN = "point", "along", "open"
+POINT, ALONG, OPEN, EITHER = "point", "along", "open", "either"
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,9 @@ class Crossing:
     cosine : float
         |n.d| / |d|, rounded; 0 where the normal is lost.
     kind : str
-        "point"; "along" where the ray lies in the surface from ``t`` to ``t_end``; "open" where
-        the oracle cannot say what lies between ``t`` and ``t_end``.
+        "point"; "either" of a point that may count or not, as at the end of a gap; "along" where the
+        ray lies in the surface from ``t`` to ``t_end``; "open" where
+        exact arithmetic cannot say what lies between ``t`` and ``t_end``.
     t_end : ball, optional
     to_edge : float
         How far the ray would have to be moved for the crossing to leave its patch, to first

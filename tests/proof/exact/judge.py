@@ -1,6 +1,6 @@
 """Tests certified first hits against exact crossings: decisions, bounds, points, status TANGENT.
 
-A wrong first hit is defined in one place, `judge.compare`. Most rows need less: a hit within
+A wrong first hit is defined in one place, `answers.Answers.fault`. Most rows need less: a hit within
 64 eps x scale / cos of the first exact crossing, and a miss of a ray without crossings, are right by
 that definition in any case. Only for the others eight displaced rays are traced.
 """
@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, Status
-from proof.exact.crossings import OPEN, POINT, bits, norm, rational
+from proof.exact.answers import answers_to
+from proof.exact.crossings import EITHER, OPEN, POINT, bits, norm, rational
 from proof.exact.trims import Trims
 from proof.exact.truth import (
     LEAST_SLOPE,
@@ -24,11 +25,9 @@ from proof.exact.truth import (
     Placed,
     departure_reach,
     departures,
-    exact_hits,
     same_place,
 )
-from proof.judges.judge import compare
-from proof.judges.kernels.events import BAND, LEAST_COSINE
+from proof.kernels.bands import BAND, LEAST_COSINE
 
 EPS = 2.0**-52
 # A decision must be marked that changes within this part of 64 eps x size, even if the ray comes
@@ -56,14 +55,15 @@ class BatchVerdict:
     ----------
     rays, hits : int
     wrong : dict of int
-        Rows without TANGENT whose first hit is wrong, outside the band, by kind: those of
-        `judge.Verdict`, and "departure" for rays that hit the point that they leave.
+        Rows without TANGENT whose first hit is wrong, outside the band, by kind: a miss where there is
+        a hit, a hit where there is none, one behind the first crossing, one in front of it, the right
+        t on another object, and "departure" for rays that hit the point that they leave.
     wrong_tangent : int
         The same for rows with TANGENT.
     bounds_broken : int
         Hits with |t - exact t| > t_bound, exact t being the nearest exact crossing. Of rows that say
-        TANGENT, or that only the band makes right, only crossings ahead with the patch that they name
-        count, and only within 64 eps x scale / cos: the exact ray may pass by.
+        TANGENT, or that only the band makes right, only crossings with the patch that they name count,
+        and only if one ahead is within 64 eps x scale / cos: the exact ray may pass by.
     off_ray : int
         HIT rows whose S(u, v) is farther than 64 eps x scale from o + t d.
     off_ray_tangent : int
@@ -74,7 +74,13 @@ class BatchVerdict:
     tangent, tangent_needlessly : int
         Rows with TANGENT; those whose decision stands when the ray is moved by four bands.
     left_open : int
-        Rays that the oracle could not decide.
+        Rays that could not be decided.
+    asked : int
+        Rays that a screen did not confirm: exact arithmetic judged these.
+    passed_over : int
+        Rows with TANGENT that neither confirmed nor judged.
+    seconds : float
+        Of whoever adds up.
     worst_error : float
         Largest |t - exact t| |d| cos / (eps x scale) of HIT rows, but for those that only the band
         makes right.
@@ -98,6 +104,9 @@ class BatchVerdict:
     tangent: int = 0
     tangent_needlessly: int = 0
     left_open: int = 0
+    asked: int = 0
+    passed_over: int = 0
+    seconds: float = 0.0
     worst_error: float = 0.0
     worst_bound: float = 0.0
     worst_gap: float = 0.0
@@ -219,30 +228,30 @@ class ExactJudge:
         explained = self._is_explained(hits, i, ahead, length)
         is_plain = is_one or not at_start
         is_flat = any(one.crossing.cosine < BENDS for one in _firsts(ahead, length))
-        found, is_doubtful = None, False
+        found, fault, is_doubtful = None, None, False
         if not (is_plain and explained) or is_flat:
-            truth = exact_hits(self.scene, o, d, leaves=leaves)
-            found = compare(hits[i], truth, np.array([self._gap(hits, i, o, d)]))
+            found = answers_to(self.scene, o, d, leaves)
+            fault, is_doubtful = found.fault(hits, i, self._gap(hits, i, o, d))
         if hits.hit[i]:
             # A row that only the band makes right may have no crossing there.
-            passes = not explained and found is not None and not found.n_wrong
+            passes = not explained and found is not None and fault is None
             self._measure(verdict, i, hits, o, d, crossings, length, is_near=is_tangent or passes)
         if found is not None:
             if found.undecided:
                 verdict.left_open += 1
                 verdict.note("left open", i)
                 return
-            for kind, count in found.wrong.items():
-                if count:
-                    self._note_wrong(verdict, kind, hits, i)
-            if found.n_wrong:
+            if fault is not None:
+                self._note_wrong(verdict, fault, hits, i)
                 return
-            # Where t itself is within rounding of 0 no mark is promised.
+            # Where t itself is within rounding of 0, and at the end of a gap, no mark is promised.
             at_limit = any(
-                abs(one.t) * length * max(one.cosine, LEAST_SLOPE) <= one.band for one in crossings
+                abs(one.t) * length * max(one.cosine, LEAST_SLOPE) <= one.band
+                or one.crossing.kind == EITHER
+                for one in crossings
             )
             # What a flat crossing explains may not be certain: the rays around say so.
-            is_doubtful = explained and is_plain and found.unmarked > 0 and not at_limit
+            is_doubtful &= explained and is_plain and not at_limit
             if not (is_tangent or explained) and is_plain:
                 if not at_limit:
                     verdict.unmarked += 1
@@ -317,7 +326,7 @@ class ExactJudge:
                 self.scene.crossings(o, d), *self.scene.around(o, d, bands, narrow)
             )
         )  # fmt: skip
-        if own is None or any(one.crossing.kind == OPEN for one in own):
+        if own is None or any(one.crossing.kind in (OPEN, EITHER) for one in own):
             return None
         first = next((one for one in own if one.t > 0.0), None)
         if first is not None and first.crossing.kind != POINT:
@@ -387,18 +396,20 @@ class ExactJudge:
         Parameters
         ----------
         is_near : bool
-            Whether only crossings ahead with its own patch count, and only those near by.
+            Whether only crossings with its own patch count, and only if one ahead is near by.
         """
         number, t = int(hits.object_id[i]), float(hits.t[i])
-        own = [one for one in crossings if one.object_id == number and one.crossing.kind == POINT]
+        points = POINT, EITHER
+        own = [one for one in crossings if one.object_id == number and one.crossing.kind in points]
         if is_near:
-            own = [
-                one
-                for one in own
-                if one.t > 0.0
-                and one.crossing.patch_id == int(hits.patch_id[i])
+            own = [one for one in own if one.crossing.patch_id == int(hits.patch_id[i])]
+            # Next to one ahead the row may also mean one behind the origin.
+            if not any(
+                one.t > 0.0
                 and abs(one.t - t) * length * max(one.crossing.cosine, LEAST_SLOPE) <= one.band
-            ]
+                for one in own
+            ):
+                own = []
         if own:
             exact = rational(t)
             with bits(512):

@@ -12,8 +12,8 @@ from hybrid_rt.core.records import FloatArray
 from meshing import SurfaceOfRevolution
 from meshing.trimmed import TrimmedSurface
 from proof.exact.crossings import norm
+from proof.exact.trim_edges import TrimEdges
 from proof.exact.truth import ExactScene, Placed, same_place
-from proof.judges.trim_edges import TrimEdges
 
 
 class Trims:

@@ -1,12 +1,4 @@
-"""The exact oracle: all crossings of rays with any surfaces, in the format of the fast oracle.
-
-Crossings come from `proof.exact.exact_surface`, class by class. As in the fast oracle
-(`proof.judges.kernels.events`), a crossing is certain if eight rays around, displaced by
-1.3 bands, cross the surface there too; else either answer is right. "There" means: no farther than
-the displacement accounts for at the angle of either crossing, or of the displaced one where a normal
-is lost; then the displaced rays say how far t goes. Crossings of displaced rays only are doubtful. So
-one judge (`judge.compare`) serves both oracles.
-"""
+"""All crossings of rays with any surfaces: class by class, from `proof.surface`."""
 
 from __future__ import annotations
 
@@ -16,28 +8,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from hybrid_rt.core.records import FloatArray
 from proof.exact.crossings import (
-    ALONG,
-    OPEN,
     POINT,
     Crossing,
     norm,
     rational,
     rationals,
 )
-from proof.exact.exact_surface import exact_of
-from proof.judges.kernels.events import (
-    AROUND,
-    BAND,
-    DOUBTFUL,
-    ROOT,
-    SHIFT,
-    UNDECIDED,
-)
-from proof.judges.oracle import Departures, Truth, truth_of
+from proof.kernels.bands import AROUND, BAND
+from proof.surface import exact_of
 
 # A crossing that moves by more than this many times what the angle accounts for is another one.
 MOST_MOVED = 8.0
@@ -201,131 +182,3 @@ def _slope_at_start(one: Placed) -> float:
     """Return |n.d| / |d|; that of a touch where the normal is lost, which may be far away."""
     is_lost = one.crossing.cosine == 0.0 and one.crossing.kind == POINT
     return LEAST_SLOPE if is_lost else one.cosine
-
-
-def exact_hits(
-    scene: ExactScene,
-    origins: ArrayLike,
-    directions: ArrayLike,
-    t_min: ArrayLike = 0.0,
-    t_max: ArrayLike = np.inf,
-    *,
-    leaves: ArrayLike | None = None,
-) -> Truth:
-    """Find all crossings of rays, what is certain of them, and the first of each ray.
-
-    Parameters are those of `oracle.first_hits`, but for the last. Rays of which a crossing is left
-    open are undecided where that matters.
-
-    Parameters
-    ----------
-    leaves : (n,) integers, optional
-        Objects that the rays leave, -1 for none: the crossing at the origin is left out. Where
-        there are several, up to rounding, all are doubtful.
-    """
-    origin = np.ascontiguousarray(origins, dtype=np.float64).reshape(-1, 3)
-    direction = np.ascontiguousarray(directions, dtype=np.float64).reshape(-1, 3)
-    n = len(origin)
-    low = np.ascontiguousarray(np.broadcast_to(np.asarray(t_min, dtype=np.float64), (n,)))
-    high = np.ascontiguousarray(np.broadcast_to(np.asarray(t_max, dtype=np.float64), (n,)))
-    left = np.broadcast_to(-1 if leaves is None else np.asarray(leaves), (n,))
-    rows: list[tuple[Any, ...]] = []
-    again = Departures.none(n)
-    for i in range(n):
-        found, reach = _events(scene, i, origin[i], direction[i], int(left[i]))
-        rows += found
-        if reach > -math.inf:
-            again.left[i], again.reach[i] = left[i], reach
-    names = (
-        ("ray", np.int64), ("t", np.float64), ("object_id", np.int32), ("patch_id", np.int32),
-        ("u", np.float64), ("v", np.float64), ("cosine", np.float64), ("band", np.float64),
-        ("kind", np.uint8), ("at_edge", np.uint8),
-    )  # fmt: skip
-    columns = {
-        name: np.array([row[k] for row in rows], dtype=dtype)
-        for k, (name, dtype) in enumerate(names)
-    }
-    return truth_of(columns, scene.surfaces, origin, direction, low, high, departures=again)
-
-
-def _events(
-    scene: ExactScene, ray: int, origin: FloatArray, direction: FloatArray, leaves: int
-) -> tuple[list[tuple[Any, ...]], float]:
-    """Return the events of one ray, as rows of `kernels.events.Events`, and what was left out.
-
-    That is up to which t a hit is the point of departure; -inf where it may be another crossing.
-    """
-    length = norm(direction)
-    own = scene.crossings(origin, direction)
-    rings = scene.around(origin, direction, SHIFT)
-    at_start = departures(own, leaves, origin, length)
-    reach = -math.inf
-    if len({one.t for one in at_start}) == 1:
-        if departures(own, leaves, origin, length, roundings=SURELY_ROUNDED):
-            reach = departure_reach(at_start[0], length)
-        own = [one for one in own if one not in at_start]
-        at_start = []
-        for k, ring in enumerate(rings):
-            left = departures(ring, leaves, origin, length, SHIFT)
-            rings[k] = [one for one in ring if one not in left]
-    rows = []
-    for one in own:
-        kind, cosine = ROOT, one.crossing.cosine
-        if one.crossing.kind == OPEN and not _is_short(one, length):
-            kind = UNDECIDED
-        elif one.crossing.kind != POINT or one in at_start:
-            kind = DOUBTFUL
-        else:
-            same = [_nearest(one, ring, length) for ring in rings]
-            there = [t for t in same if t is not None]
-            if len(there) < len(rings):
-                kind = DOUBTFUL
-            else:
-                steep = (max(there) - min(there)) * length / one.band
-                spread = 1.0 / math.hypot(1.0, steep)
-                if one.crossing.to_edge <= SHIFT * one.band and cosine > 0.0:
-                    # On which side of the edge it is met is open, and so is t, as far as both go.
-                    cosine = min(cosine, spread)
-                else:
-                    # Where it bends, and where the normal is lost, the angle says too little.
-                    cosine = max(cosine, spread)
-        rows.append(_event(ray, one, kind, cosine))
-    for ring in rings:
-        for other in ring:
-            if not any(
-                one.object_id == other.object_id
-                and (same_place(one, other, SHIFT * one.band, length) or one.crossing.kind == ALONG)
-                for one in own
-            ):
-                rows.append(_event(ray, other, DOUBTFUL, other.crossing.cosine))
-    return rows, reach
-
-
-def _nearest(one: Placed, ring: list[Placed], length: float) -> float | None:
-    """Return where another ray has the same crossing; None if it has not."""
-    same = [
-        other.t
-        for other in ring
-        if one.object_id == other.object_id
-        and other.crossing.kind == POINT
-        and same_place(one, other, SHIFT * one.band, length)
-    ]
-    return min(same, key=lambda t: abs(t - one.t), default=None)
-
-
-def _is_short(one: Placed, length: float) -> bool:
-    """Tell whether what was left open is within what a touch within the band leaves open."""
-    end = one.crossing.t_end
-    assert end is not None
-    return (float(end) - one.t) * length <= math.sqrt(one.band * one.band / BAND)
-
-
-def _event(ray: int, one: Placed, kind: int, cosine: float) -> tuple[Any, ...]:
-    crossing = one.crossing
-    if kind == DOUBTFUL:
-        # Where it touches curvature ends the contact: the root of the band, relative to the scale.
-        cosine = max(cosine, math.sqrt(2.0 * BAND))
-    return (
-        ray, one.t, one.object_id, crossing.patch_id, crossing.u, crossing.v, cosine, one.band,
-        kind, crossing.to_edge <= SHIFT * one.band,
-    )  # fmt: skip

@@ -14,8 +14,8 @@ import numpy as np
 
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray
 from proof.filters.kernels import first
-from proof.filters.surface_filter import filter_of
-from proof.judges.kernels.events import BAND
+from proof.kernels.bands import BAND
+from proof.surface import filter_of
 
 # A point of a hit is measured in float64; farther from the ray it is measured exactly.
 NEAR = 0.5

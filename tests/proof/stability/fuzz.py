@@ -9,18 +9,15 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from meshing.outputs import make_folder, replacing
 from proof.stability.fuzz_cases import (
     Case,
     Draws,
-    NumpyDraws,
     build,
     ray_case,
     surface_case,
@@ -31,8 +28,6 @@ from proof.stability.fuzz_scenes import file_case, scene_case
 
 # Rays of a case, about: half of them hard, the others on lattices and along axes.
 N_RAYS = 40
-# Steps that cutting down a case may take.
-MOST_CUTS = 400
 KINDS = ("surfaces", "mixed", "scene", "light", "file")
 # Shares of the time of `run_fuzz`.
 SHARES = ("surfaces", "surfaces", "mixed", "mixed", "scene", "scene", "light", "file")
@@ -90,7 +85,11 @@ def make_case(draws: Draws, kind: str, endings: tuple[str, ...] = tuple(READERS)
         surfaces = [build(item) for item in case["surfaces"]]
     except REFUSALS:
         return case | {"origins": [], "directions": []}
-    return case | ray_case(draws, surfaces, N_RAYS)
+    rays = ray_case(draws, surfaces, N_RAYS)
+    # Sometimes few of them, so that a case that fails can be cut down.
+    are_few, some = draws.whole(0, 7) == 0, draws.whole(1, N_RAYS)
+    count = some if are_few else N_RAYS
+    return case | {name: rows[:count] for name, rows in rays.items()}
 
 
 def strategy(kind: str, endings: tuple[str, ...] = tuple(READERS)) -> Any:
@@ -131,69 +130,48 @@ def run_fuzz(
 
     Returns
     -------
-    list of Failure, cut down to what is needed to see them.
+    list of Failure, one of each kind, cut down to what is needed to see them.
     """
-    end, found, seen = time.monotonic() + 60.0 * minutes, list[Failure](), Counter[str]()
+    end, found = time.monotonic() + 60.0 * minutes, dict[str, Failure]()
     number = 0
     while time.monotonic() < end:
-        draws = NumpyDraws(np.random.default_rng([seed, number]))
         kind = SHARES[number % len(SHARES)]
+        failure = searched(kind, 1_000_003 * seed + number, readers)
         number += 1
-        failure = tried(draws, kind, readers)
-        if failure is None:
+        if failure is None or _kind_of_fault(failure) in found:
             continue
-        # The same fault again and again is told a few times.
-        seen[_kind_of_fault(failure)] += 1
-        if seen[_kind_of_fault(failure)] > 3:
-            continue
-        small = cut_down(failure, readers)
-        found.append(small)
+        found[_kind_of_fault(failure)] = failure
         if out is not None:
-            small.save(out / "failures")
-    return found
+            failure.save(out / "failures")
+    return list(found.values())
 
 
-def tried(draws: Draws, kind: str, readers: Readers = READERS) -> Failure | None:
-    """Draw a case and return it if something does not hold."""
-    case = make_case(draws, kind, tuple(readers))
-    faults = faults_of(case, readers)
-    return Failure(case, faults) if faults else None
+def searched(kind: str, seed: int, readers: Readers = READERS, n: int = 10) -> Failure | None:
+    """Try n cases of a kind; return the smallest that hypothesis finds for which something fails."""
+    import hypothesis
+    from hypothesis import HealthCheck, Phase, given, settings
+
+    last: list[Failure] = []
+
+    @hypothesis.seed(seed)
+    @settings(
+        max_examples=n, database=None, deadline=None, report_multiple_bugs=False,
+        phases=(Phase.generate, Phase.shrink), suppress_health_check=list(HealthCheck),
+    )  # fmt: skip
+    @given(strategy(kind, tuple(readers)))
+    def holds(case: Case) -> None:
+        faults = faults_of(case, readers)
+        if faults:
+            last[:] = [Failure(case, faults)]
+            raise AssertionError(faults[0])
+
+    # It runs the smallest case last.
+    with suppress(AssertionError, hypothesis.errors.Flaky):
+        holds()
+    return last[0] if last else None
 
 
 def _kind_of_fault(failure: Failure) -> str:
     classes = sorted({item["class"] for item in failure.case.get("surfaces", [])})
     words = "".join(c for c in failure.faults[0] if not c.isdigit())
     return f"{' '.join(classes)} {words[:60]}"
-
-
-def cut_down(failure: Failure, readers: Readers = READERS) -> Failure:
-    """Leave out surfaces and rays for as long as something still does not hold."""
-    if failure.case["kind"] != "rays":
-        return failure
-    best, cuts = failure, 0
-    for key in ("surfaces", "rays"):
-        size = max(_count(best.case, key) // 2, 1)
-        while size and cuts < MOST_CUTS:
-            shrunk, first = False, 0
-            while (
-                first < _count(best.case, key) and _count(best.case, key) > 1 and cuts < MOST_CUTS
-            ):
-                case = _without(best.case, key, first, first + size)
-                cuts += 1
-                faults = faults_of(case, readers) if _count(case, key) else ()
-                if faults:
-                    best, shrunk = Failure(case, faults), True
-                else:
-                    first += size
-            if not shrunk or size == 1:
-                size //= 2
-    return best
-
-
-def _count(case: Case, key: str) -> int:
-    return len(case["origins" if key == "rays" else key])
-
-
-def _without(case: Case, key: str, first: int, stop: int) -> Case:
-    keys = ("origins", "directions") if key == "rays" else (key,)
-    return case | {name: case[name][:first] + case[name][stop:] for name in keys}

@@ -1,6 +1,6 @@
 """What must be true of a random case, and what of it is not.
 
-Hits: the same bits without Embree, in any order and along longer directions; right by the oracle, and
+Hits: the same bits without Embree, in any order and along longer directions; right by exact arithmetic, and
 by exact arithmetic where it objects; bounds kept, points on their rays, work bounded. Scenes and
 files: done, or refused with a message that names what is wrong. Sound scenes: the light that
 integrators find, and that they say they do not find, has the same sum.
@@ -21,15 +21,13 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, Status
+from hybrid_rt.core.records import FloatArray, HitRecord
 from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.textures import ImageTexture
 from meshing import BezierPatches
-from proof.judges.judge import compare
-from proof.judges.kernels.events import LEAST_COSINE
-from proof.judges.oracle import Truth, first_hits
+from proof.judge import Judge
 from proof.stability.fuzz_cases import Case, build
 from proof.stability.fuzz_light import faults_of_light
 
@@ -38,12 +36,8 @@ REFUSALS = (ValueError, TypeError, OSError)
 # What reads files of which ending.
 Readers = Mapping[str, Callable[[Path], object]]
 READERS: Readers = {"bpt": BezierPatches.read, "png": ImageTexture, "bmp": ImageTexture}
-# Sizes from 0 up to which float64 has the digits to judge residuals.
-NEAR = 100.0
 # Pieces that one search may look at: far above those of any row of the catalogue.
 MOST_WORK = 5000
-# Bands that the point of a hit marked TANGENT may be beside its ray: far more than rounding makes.
-FAR_BESIDE = 1e4
 
 
 @contextmanager
@@ -113,7 +107,7 @@ def _faults_of_rays(case: Case) -> list[str]:
     longer = tracer.intersect(origins, directions * 2.0**40)
     faults += _differences("along longer directions", hits, longer, times=2.0**40)
     faults += _not_finite(hits)
-    faults += _judged("first hits", surfaces, origins, directions, hits, case.get("exact", False))
+    faults += _judged("first hits", surfaces, origins, directions, hits)
     source = hits[hits.hit]
     if len(source):
         leaving = directions[hits.hit][::-1]
@@ -162,72 +156,20 @@ def _not_finite(hits: HitRecord) -> list[str]:
 
 
 def _judged(
-    name: str,
-    surfaces: list[Any],
-    origins: FloatArray,
-    directions: FloatArray,
-    hits: HitRecord,
-    ask_exact: bool = False,
+    name: str, surfaces: list[Any], origins: FloatArray, directions: FloatArray, hits: HitRecord
 ) -> list[str]:
-    """Judge hits by the oracle, and by exact arithmetic what it leaves open or objects to, or all."""
-    truth = first_hits(surfaces, origins, directions, threads=1)
-    verdict = compare(hits, truth)
-    sure = hits.status != Status.TANGENT
-    faults = []
-    for kind, rows in verdict.rows.items():
-        wrong = [
-            row for row in rows.tolist() if sure[row] or not _has_root_nearby(hits, truth, row)
-        ]
-        if wrong:
-            faults.append(f"{name}: {kind} {wrong[:5]}")
-    if verdict.worst_bound > 1.0:
-        faults.append(f"{name}: a bound is broken, {verdict.worst_bound:.3g} of it")
-    if not all(
-        float(np.linalg.norm(surface.middle)) <= NEAR * surface.size
-        for surface in surfaces
-        if surface.is_bounded
-    ):
-        beside = far_beside = 0.0
-    else:
-        beside, far_beside = (_worst_gap(hits, truth, rows) for rows in (sure, ~sure))
-    if beside > 1.0:
-        faults.append(f"{name}: point beside the ray, {beside:.3g} bands")
-    asked = np.arange(len(hits)) if faults or ask_exact else np.flatnonzero(truth.undecided)
-    if len(asked):
-        # In double-double, far from 0, the oracle itself may be wrong: exact arithmetic decides.
-        from proof.exact.judge import ExactJudge
-
-        exact = ExactJudge(surfaces).judge(hits[asked], origins[asked], directions[asked])
-        faults = [
-            f"{name}: {words} in exact arithmetic, {exact.examples}"
-            for words, number in (
-                ("wrong", sum(exact.wrong.values())),
-                ("bounds broken", exact.bounds_broken),
-                ("points beside the ray", exact.off_ray),
-            )
-            if number
-        ]
-    if far_beside > FAR_BESIDE:
-        faults.append(f"{name}: TANGENT at a point far beside the ray, {far_beside:.3g} bands")
-    return faults
-
-
-def _has_root_nearby(hits: HitRecord, truth: Truth, row: int) -> bool:
-    """Tell whether a row marked TANGENT states an interval that holds a root, certain or not."""
-    if not hits.hit[row]:
-        # A miss so marked: whatever there is was doubtful.
-        return True
-    roots = truth.roots
-    own = slice(roots.offsets[row], roots.offsets[row + 1])
-    slack = roots.band[own] / (np.maximum(roots.cosine[own], LEAST_COSINE) * truth.length[row])
-    return bool((np.abs(roots.t[own] - hits.t[row]) <= hits.t_bound[row] + slack).any())
-
-
-def _worst_gap(hits: HitRecord, truth: Truth, rows: BoolArray) -> float:
-    """Return how far points of some hits are from their rays, in bands."""
-    some = hits[np.arange(len(hits))]
-    some.object_id[~rows] = -1
-    return compare(some, truth).worst_gap
+    """Judge hits by screen and exact arithmetic."""
+    verdict = Judge(surfaces).judge(hits, origins, directions)
+    return [
+        f"{name}: {number} {words} in exact arithmetic, {verdict.examples}"
+        for words, number in (
+            ("wrong", verdict.n_wrong),
+            ("bounds broken", verdict.bounds_broken),
+            ("points beside the ray", verdict.off_ray),
+            ("points of rows TANGENT beside the ray", verdict.off_ray_tangent),
+        )
+        if number
+    ]
 
 
 # --- scenes and files -----------------------------------------------------------------------------

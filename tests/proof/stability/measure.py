@@ -1,4 +1,4 @@
-"""Compares traced hits with the oracle or closed forms; yields an `Outcome`.
+"""Compares traced hits with exact arithmetic or closed forms; yields an `Outcome`.
 
 Errors of t are in units of 64 eps x scale / cos. Closed forms replace cosines below `LEAST_COSINE`
 by that.
@@ -11,15 +11,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, Status
 from hybrid_rt.intersection import Intersector
 from proof.cases.catalogue import CATALOGUE, MOST_PIECES
 from proof.cases.singular_rays import size_of
-from proof.exact.judge import ExactJudge
-from proof.judges.judge import compare
-from proof.judges.oracle import Truth, first_hits
+from proof.exact.judge import BatchVerdict
+from proof.judge import Judge
 from proof.stability.row import Curve, Effort, Outcome
 
 EPS = 2.0**-52
@@ -34,9 +32,8 @@ COLUMNS = (
 DISTANCES = tuple(10.0**-k for k in range(1, 15))
 # A full run traces so many times the rays of a case of the catalogue.
 MORE = 10.0
-# Of the rays of a row, this share may be left open by the oracle and by exact crossings.
+# Of the rays of a row, this share may be left open by exact arithmetic, or be wrong and say TANGENT.
 MOST_OPEN = 0.1
-GAVE_UP = "left open by the oracle"
 
 
 def differences(a: HitRecord, b: HitRecord, columns: Sequence[str] = COLUMNS) -> tuple[str, ...]:
@@ -125,73 +122,64 @@ def traced(
     return hits, replace(outcome, rays=len(hits), undecided=undecided)
 
 
-def by_oracle(
+def by_judges(
     surfaces: Sequence[Any], origins: FloatArray, directions: FloatArray, **options: Any
 ) -> Outcome:
-    """Trace rays and judge them by the oracle; options are those of `traced`."""
+    """Trace rays and judge them; options are those of `traced`."""
     hits, outcome = traced(surfaces, origins, directions, **options)
-    return outcome + judged(hits, first_hits(surfaces, origins, directions))
+    return outcome + judged(surfaces, hits, origins, directions)
 
 
-def judged(hits: HitRecord, truth: Truth) -> Outcome:
-    """Return the outcome of hits by the oracle's truth; the rays are not counted again.
+def judged(
+    surfaces: Sequence[Any], hits: HitRecord, origins: FloatArray, directions: FloatArray
+) -> Outcome:
+    """Return the outcome of hits by screen and exact arithmetic; the rays are not counted again.
 
-    A row that the oracle calls wrong is checked by exact crossings, and so is one on which it gives up.
-    TANGENT rows count as wrong if the oracle calls them so and their answer is none of those that
-    rounding leaves open; of those on which it gives up that is a note.
+    No decision of rows that say TANGENT is guaranteed; but most of them must be right.
     """
-    verdict = compare(hits, truth)
-    # The oracle is fast, not infallible beside joints: exact crossings confirm what it calls wrong.
-    asked = {**verdict.rows, GAVE_UP: np.flatnonzero(truth.undecided)}
-    wrong, n_open, notes = 0, 0, []
-    for kind, rows in asked.items():
-        found = _by_exact(hits, truth, rows)
-        wrong += len(found["wrong"])
-        # No decision of rows that say TANGENT is guaranteed.
-        n_open += int((hits.status[found["left open"]] != Status.TANGENT).sum())
-        if kind != GAVE_UP:
-            wrong += len(found["TANGENT, wrong"])
-        notes += [f"{kind}, {words}: rays {some[:3]}" for words, some in found.items() if some]
-    outcome = Outcome(
-        wrong=wrong, error=verdict.worst_band if verdict.rays else None,
-        broken=_broken(hits, truth), notes=tuple(notes),
-    )  # fmt: skip
+    verdict = Judge(surfaces).judge(hits, origins, directions)
+    outcome = replace(verdict_outcome(verdict), rays=0, undecided=0)
+    if verdict.examples:
+        outcome = replace(outcome, notes=(*outcome.notes, f"rays {verdict.examples}"))
     outcome = outcome.checked(
-        n_open <= MOST_OPEN * len(hits),
-        f"{n_open} of {len(hits)} rays are left open by both oracles",
+        verdict.wrong_tangent <= MOST_OPEN * verdict.tangent,
+        f"{verdict.wrong_tangent} of {verdict.tangent} rows TANGENT are wrong",
     )
     return outcome.checked(
-        verdict.worst_gap <= 1.0, f"a point lies {verdict.worst_gap:.3g} bands beside its ray"
+        verdict.left_open <= verdict.tangent + MOST_OPEN * len(hits),
+        f"{verdict.left_open} of {len(hits)} rays are left open",
     )
 
 
-def _by_exact(hits: HitRecord, truth: Truth, rows: NDArray[np.int64]) -> dict[str, list[int]]:
-    """Return those rows that are wrong by exact crossings, and those that these leave open."""
-    found: dict[str, list[int]] = {"wrong": [], "TANGENT, wrong": [], "left open": []}
-    if not len(rows):
-        return found
-    judge = ExactJudge(truth.surfaces)
-    for i in rows.tolist():
-        at = slice(i, i + 1)
-        verdict = judge.judge(hits[at], truth.origins[at], truth.directions[at])
-        for words, number in zip(
-            found, (verdict.n_wrong, verdict.wrong_tangent, verdict.left_open), strict=True
-        ):
-            if number:
-                found[words].append(i)
-    return found
+def verdict_outcome(verdict: BatchVerdict, marks: bool = True) -> Outcome:
+    """Return the outcome of a verdict by exact crossings.
 
-
-def _broken(hits: HitRecord, truth: Truth) -> int:
-    """Count |t - exact| above t_bound, by half an ulp of t more, where the root is the same."""
-    same = truth.exact & ~truth.ambiguous & ~truth.undecided
-    same &= (hits.object_id == truth.object_id) & (hits.patch_id == truth.patch_id) & hits.hit
-    with np.errstate(invalid="ignore"):
-        error = np.abs(hits.t - truth.t)
-        slack = truth.band / (np.maximum(truth.cosine, LEAST_COSINE) * truth.length)
-        close = same & (error <= slack)
-    over: BoolArray = error[close] - 0.5 * np.spacing(hits.t[close]) > hits.t_bound[close]
-    return int(over.sum())
+    Parameters
+    ----------
+    marks : bool
+        Whether TANGENT is a fault if no moved ray has another first hit. Features thinner than the
+        spacing of the moved rays escape that test.
+    """
+    outcome = Outcome(
+        rays=verdict.rays, wrong=verdict.n_wrong, error=verdict.worst_error / 64.0,
+        broken=verdict.bounds_broken, undecided=verdict.tangent,
+    )  # fmt: skip
+    needless = verdict.tangent_needlessly
+    for number, words in (
+        (verdict.off_ray, "points beside the ray by more than the band"),
+        (verdict.off_ray_tangent, "points of rows TANGENT farther from the ray than is guaranteed"),
+        (verdict.unmarked, "decisions within rounding without the mark TANGENT"),
+        (needless * marks, "marks TANGENT without need"),
+    ):
+        outcome = outcome.checked(number == 0, f"{number} {words}")
+    for number, words in (
+        (needless * (not marks), "marks TANGENT of which no ray around says why"),
+        (verdict.wrong_tangent, "rows TANGENT with another first hit than any right one"),
+        (verdict.left_open, "rays left open by exact arithmetic"),
+    ):
+        if number:
+            outcome = replace(outcome, notes=(*outcome.notes, f"{number} {words}"))
+    return outcome
 
 
 def by_times(
@@ -237,7 +225,7 @@ def by_times(
 
 
 def catalogue(case_id: str, effort: Effort) -> Outcome:
-    """Run the cases of the catalogue with an id: by given distances, or by the oracle."""
+    """Run the cases of the catalogue with an id: by given distances, or by the judges."""
     total = Outcome()
     cases = [case for case in CATALOGUE if case.id == case_id]
     if not cases:
@@ -246,7 +234,7 @@ def catalogue(case_id: str, effort: Effort) -> Outcome:
         surfaces = case.surfaces()
         origins, directions = case.rays(surfaces, MORE * effort.factor, effort.seed)
         if case.t is None:
-            found = by_oracle(surfaces, origins, directions, most_pieces=case.most_pieces)
+            found = by_judges(surfaces, origins, directions, most_pieces=case.most_pieces)
         else:
             found = by_times(
                 surfaces, origins, directions, case.t(origins, directions),

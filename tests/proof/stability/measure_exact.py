@@ -16,42 +16,11 @@ from proof.cases.singular_rays import size_of
 from proof.exact.crossings import POINT, bits, norm, rational
 from proof.exact.judge import BatchVerdict, ExactJudge
 from proof.exact.truth import ExactScene, same_place
-from proof.stability.measure import DISTANCES, Plot, traced
+from proof.stability.measure import DISTANCES, Plot, traced, verdict_outcome
 from proof.stability.row import Effort, Outcome
 
 # A mark is looked at again with rays moved by so many bands, to so many sides.
 MOVES, SIDES = (0.5, 1.0, 2.0, 4.0), 16
-
-
-def verdict_outcome(verdict: BatchVerdict, marks: bool = True) -> Outcome:
-    """Return the outcome of a verdict by exact crossings.
-
-    Parameters
-    ----------
-    marks : bool
-        Whether TANGENT is a fault if no moved ray has another first hit. Features thinner than the
-        spacing of the moved rays escape that test.
-    """
-    outcome = Outcome(
-        rays=verdict.rays, wrong=verdict.n_wrong, error=verdict.worst_error / 64.0,
-        broken=verdict.bounds_broken, undecided=verdict.tangent,
-    )  # fmt: skip
-    needless = verdict.tangent_needlessly
-    for number, words in (
-        (verdict.off_ray, "points beside the ray by more than the band"),
-        (verdict.off_ray_tangent, "points of rows TANGENT farther from the ray than is guaranteed"),
-        (verdict.unmarked, "decisions within rounding without the mark TANGENT"),
-        (needless * marks, "marks TANGENT without need"),
-    ):
-        outcome = outcome.checked(number == 0, f"{number} {words}")
-    for number, words in (
-        (needless * (not marks), "marks TANGENT of which no ray around says why"),
-        (verdict.wrong_tangent, "rows TANGENT with another first hit than any right one"),
-        (verdict.left_open, "rays left open by the oracle"),
-    ):
-        if number:
-            outcome = replace(outcome, notes=(*outcome.notes, f"{number} {words}"))
-    return outcome
 
 
 def exact_verdict(

@@ -9,8 +9,11 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -30,6 +33,7 @@ IDS = tuple(
     )
     for number in range(1, count + 1)
 )
+TESTS = Path(__file__).parents[2]
 NOT_BUILT = {
     "D29": "normal maps",
 }
@@ -172,12 +176,15 @@ class Row:
     truth : str
         What the answer is compared with: a closed form, high precision, an identity, a refusal.
     run : callable of an Effort
+    tests : tuple of str
+        Tests of the suite that hold the row, below ``tests/hybrid_rt``; `run` has pytest run them.
     """
 
     id: str
     title: str
     truth: str
     run: Callable[[Effort], Outcome]
+    tests: tuple[str, ...] = ()
 
 
 _ROWS: dict[str, Row] = {}
@@ -195,6 +202,22 @@ def row(
         return run
 
     return register
+
+
+def tested(row_id: str, title: str, truth: str, *tests: str) -> None:
+    """Register a row that tests of the suite hold, named by file and function."""
+
+    def run(effort: Effort) -> Outcome:
+        del effort
+        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
+        names = [str(TESTS / "hybrid_rt" / test) for test in tests]
+        done = subprocess.run(
+            [*command, *names], check=False, cwd=TESTS.parent, capture_output=True, text=True
+        )
+        return Outcome(rays=len(tests)).checked(done.returncode == 0, done.stdout[-500:])
+
+    row(row_id, title, truth)(run)
+    _ROWS[row_id] = replace(_ROWS[row_id], tests=tests)
 
 
 def all_rows() -> dict[str, Row]:

@@ -33,13 +33,13 @@ from proof.stability.measure import (
     both_tracers,
     differences,
     traced,
+    verdict_outcome,
 )
 from proof.stability.measure_exact import (
     by_exact,
     by_set,
     exact_errors,
     exact_verdict,
-    verdict_outcome,
 )
 from proof.stability.row import Effort, Outcome, refusal, row
 

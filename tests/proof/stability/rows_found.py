@@ -17,7 +17,7 @@ def _register(file: Path) -> None:
     kind = failure.case["kind"]
     row_id, _, title = file.stem.partition("_")
 
-    @row(row_id, title.replace("_", " "), "invariances, an oracle, exact arithmetic")
+    @row(row_id, title.replace("_", " "), "invariances, exact arithmetic")
     def found(effort: Effort) -> Outcome:
         del effort
         faults = faults_of(failure.case)

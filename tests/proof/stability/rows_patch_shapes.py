@@ -22,7 +22,6 @@ from proof.cases.catalogue import (
 )
 from proof.cases.rays import chords
 from proof.exact.truth import ExactScene
-from proof.judges.oracle import first_hits
 from proof.stability.measure import (
     EPS,
     Plot,
@@ -106,7 +105,7 @@ def curves_are_refused(effort: Effort) -> Outcome:
     )
 
 
-@row("A08", "collapsed edge", "oracle; exact crossings; closed form")
+@row("A08", "collapsed edge", "exact arithmetic; closed form")
 def collapsed_edges(effort: Effort) -> Outcome:
     """The apex of the teapot's lid: through it, and 1e-1 to 1e-14 beside."""
     total = catalogue("A08", effort)
@@ -136,7 +135,7 @@ def no_area(effort: Effort) -> Outcome:
     )
 
 
-@row("A10", "cusp inside a patch", "oracle; exact crossings")
+@row("A10", "cusp inside a patch", "exact arithmetic")
 def cusps(effort: Effort) -> Outcome:
     """(s^2, s^3) drawn along z: aimed at its edge and beside."""
     total = catalogue("A10", effort)
@@ -154,14 +153,14 @@ def cusps(effort: Effort) -> Outcome:
     return total + found + Outcome(wrong=int(off.sum()))
 
 
-@row("A11", "patch through itself", "oracle; exact crossings")
+@row("A11", "patch through itself", "exact arithmetic")
 def self_crossing(effort: Effort) -> Outcome:
     """The nearest sheet of a loop drawn along z."""
     rays = chords([loop_sheet()], effort.count(150, 8), seed=effort.seed + 5)
     return catalogue("A11", effort) + by_exact([loop_sheet()], rays.origins, rays.directions)
 
 
-@row("A12", "two coincident patches", "closed form; oracle")
+@row("A12", "two coincident patches", "closed form; exact arithmetic")
 def coincident(effort: Effort) -> Outcome:
     """The lower object is hit, whatever the order."""
     total = catalogue("A12", effort)
@@ -182,7 +181,7 @@ def coincident(effort: Effort) -> Outcome:
     return total
 
 
-@row("A13", "shared edges and corners", "oracle; no ray may pass")
+@row("A13", "shared edges and corners", "exact arithmetic; no ray may pass")
 def shared_edges(effort: Effort) -> Outcome:
     """10^5 rays from above at the inner edges of a sheet of 16 patches: none passes."""
     total = catalogue("A13", effort)
@@ -267,4 +266,4 @@ def shapes_and_types(effort: Effort) -> Outcome:
     mixed = BezierPatches(nets)
     origins, directions = bumpy_chords(effort.count(5000, 100), effort.rng(32))
     hits, found = traced([mixed], origins, directions)
-    return total + found + judged(hits, first_hits([mixed], origins, directions))
+    return total + found + judged([mixed], hits, origins, directions)

@@ -121,7 +121,7 @@ def far_away(effort: Effort) -> Outcome:
     return replace(total, curves=tuple(curves))
 
 
-@row("A20", "aspect ratio up to 1e8", "oracle; affine maps keep t; exact crossings")
+@row("A20", "aspect ratio up to 1e8", "exact arithmetic; affine maps keep t; exact crossings")
 def long_and_thin(effort: Effort) -> Outcome:
     """Stretched by powers of two, which floats hold: t, u and v are those from before."""
     total = catalogue("A20", effort)

@@ -23,7 +23,7 @@ from proof.stability.measure import (
     EPS,
     LEAST_COSINE,
     Plot,
-    by_oracle,
+    by_judges,
     by_times,
     catalogue,
     differences,
@@ -36,7 +36,7 @@ from proof.stability.row import Effort, Outcome, row
 WAYS = ("none", "embree")
 
 
-@row("A01", "rays near a silhouette", "oracle; exact crossings")
+@row("A01", "rays near a silhouette", "exact arithmetic")
 def silhouettes(effort: Effort) -> Outcome:
     """Teapot, 1e-2 to 1e-10 of the size from tangency; two patches down to 1e-14."""
     return catalogue("A01", effort) + by_set(
@@ -78,7 +78,7 @@ def tangents(effort: Effort) -> Outcome:
     return replace(total, curves=(plot.curve,))
 
 
-@row("A03", "ray lying in a flat patch", "closed form; oracle")
+@row("A03", "ray lying in a flat patch", "closed form; exact arithmetic")
 def within_a_plane(effort: Effort) -> Outcome:
     """The entry at the border, or a miss: the same in every run."""
     total = catalogue("A03", effort)
@@ -94,7 +94,7 @@ def within_a_plane(effort: Effort) -> Outcome:
     )  # fmt: skip
 
 
-@row("A04", "ray along a straight line of a ruled patch", "closed form; oracle")
+@row("A04", "ray along a straight line of a ruled patch", "closed form; exact arithmetic")
 def along_a_ruling(effort: Effort) -> Outcome:
     """On z = x y the line y = c, z = c x begins at x = -1; half of them are lines of floats."""
     total = catalogue("A04", effort)
@@ -108,14 +108,14 @@ def along_a_ruling(effort: Effort) -> Outcome:
     return total + traced_ + Outcome(wrong=int((hits.hit & off & sure).sum()))
 
 
-@row("A05", "bilinear patch that is not flat", "oracle; exact crossings")
+@row("A05", "bilinear patch that is not flat", "exact arithmetic")
 def bilinear(effort: Effort) -> Outcome:
     """Both roots of the quadratic."""
     rays = chords([saddle()], effort.count(600, 20), seed=effort.seed + 3)
     return catalogue("A05", effort) + by_exact([saddle()], rays.origins, rays.directions)
 
 
-@row("A15", "rays that leave the surface", "oracle; closed form")
+@row("A15", "rays that leave the surface", "exact arithmetic; closed form")
 def leaving(effort: Effort) -> Outcome:
     """From y = x^2 at cos 0.5 to 1e-6: below nothing, above the other root, m - 2 x along x."""
     total = catalogue("A15", effort)
@@ -144,7 +144,7 @@ def leaving(effort: Effort) -> Outcome:
     return total
 
 
-@row("A21", "extremely uneven parametrisation", "oracle; exact crossings")
+@row("A21", "extremely uneven parametrisation", "exact arithmetic")
 def uneven(effort: Effort) -> Outcome:
     """Control points crowd in a corner: |S_u| from 1e-6 to 1; aimed at that corner as well."""
     return catalogue("A21", effort) + by_set(
@@ -152,7 +152,7 @@ def uneven(effort: Effort) -> Outcome:
     )
 
 
-@row("A22", "wavy patch of degree 12", "oracle")
+@row("A22", "wavy patch of degree 12", "exact arithmetic")
 def wavy(effort: Effort) -> Outcome:
     """Several roots in every cell."""
     return catalogue("A22", effort)
@@ -235,11 +235,11 @@ def piled_up(effort: Effort) -> Outcome:
     ).checked(solves < 3 * n, f"{solves} solves for {n} rays")  # fmt: skip
 
 
-@row("A30", "one patch only", "oracle")
+@row("A30", "one patch only", "exact arithmetic")
 def one_patch(effort: Effort) -> Outcome:
     """The same answers as by the slow way, without a scene around."""
     net = flat_net()
     net[1:3, 1:3, 2] = 1.0
     surface = BezierPatches([net])
     rays = chords([surface], effort.count(10_000, 100), seed=effort.seed + 14)
-    return catalogue("A30", effort) + by_oracle([surface], rays.origins, rays.directions)
+    return catalogue("A30", effort) + by_judges([surface], rays.origins, rays.directions)

@@ -12,7 +12,7 @@ from hybrid_rt.intersection import Intersector
 from hybrid_rt.primitives import Box, Sphere
 from proof.cases.campaign import torus
 from proof.cases.rays import axis_parallel, chords
-from proof.stability.measure import by_oracle, catalogue, traced
+from proof.stability.measure import by_judges, catalogue, traced
 from proof.stability.row import Effort, Outcome, refusal, row
 
 
@@ -99,13 +99,13 @@ def batches(effort: Effort) -> Outcome:
     return outcome
 
 
-@row("D05", "components of direction 0 and -0", "closed form; oracle")
+@row("D05", "components of direction 0 and -0", "closed form; exact arithmetic")
 def axis_parallels(effort: Effort) -> Outcome:
     """Rays along axes: on the faces of boxes, and at curved surfaces."""
     total = catalogue("D05", effort)
     for surfaces in ([torus()], [teapot()], [Sphere((0.1, 0, 0), 0.7)]):
         rays = axis_parallel(surfaces, effort.count(5000, 60), seed=effort.seed + 13)
-        total += by_oracle(surfaces, rays.origins, rays.directions)
+        total += by_judges(surfaces, rays.origins, rays.directions)
     # On the planes of a box's faces, within them and clear beside them.
     box, n, rng = Box((0, 0, 0), (1, 1, 1)), effort.count(5000, 60), effort.rng()
     axis, sign = rng.integers(3, size=n), rng.choice([-1.0, 1.0], n)

@@ -2,90 +2,25 @@
 
 from __future__ import annotations
 
-import json
-import logging
 import multiprocessing
-import signal
 import subprocess
 import sys
-import tempfile
-import time
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hybrid_rt.analysis.ray_sets import at_box, silhouettes
-from hybrid_rt.core.records import FloatArray
+from hybrid_rt.analysis.ray_sets import at_box
 from hybrid_rt.demo import teapot
 from hybrid_rt.intersection import Intersector
-from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
-from hybrid_rt.primitives import Sphere
-from hybrid_rt.rendering.store import IDENTITY, SUMS, PassStore, StoreError
 from meshing import tessellate
 from proof.cases.campaign import torus
-from proof.cases.rays import chords, edges
+from proof.cases.rays import chords
 from proof.stability.measure import differences
-from proof.stability.row import Effort, Outcome, refusal, row
+from proof.stability.row import Effort, Outcome, refusal, row, tested
 
 # Seconds for a child process, its compilations included.
 LIMIT = 120
-
-
-class _Liar:
-    """A coarse stage that misses all, or names any triangle at any distance."""
-
-    def __init__(self, honest: Any, n_triangles: int, seed: int, misses: bool) -> None:
-        self._honest, self._n, self._misses = honest, n_triangles, misses
-        self._rng = np.random.default_rng(seed)
-        self.asked = 0
-
-    def __getattr__(self, name: str) -> Any:
-        """Be the honest stage in all else."""
-        return getattr(self._honest, name)
-
-    def first(self, origin: FloatArray, *_: Any) -> CoarseHits:
-        """Return proposals that have nothing to do with the rays."""
-        n, rng = len(origin), self._rng
-        self.asked += n
-        if self._misses:
-            face = np.full(n, -1, np.int32)
-        else:
-            face = rng.integers(self._n, size=n).astype(np.int32)
-        return CoarseHits(face, 100 * rng.random(n), rng.random(n) / 2, rng.random(n) / 2)
-
-
-def _lied_to(effort: Effort, misses: bool) -> Outcome:
-    total = Outcome()
-    surfaces = [teapot(), torus()]
-    for make, seed in ((chords, 6), (silhouettes, 7), (edges, 8)):
-        rays = make(surfaces, effort.count(30_000, 400), seed + effort.seed)
-        honest, liar = Intersector(surfaces), Intersector(surfaces, threads=1)
-        coarse = liar._coarse
-        assert coarse is not None
-        scene: Any = _Liar(coarse.scene, coarse.n_triangles, effort.seed, misses)
-        coarse.scene = scene
-        a = honest.intersect(rays.origins, rays.directions)
-        b = liar.intersect(rays.origins, rays.directions)
-        names = differences(a, b)
-        total += Outcome(rays=len(a), work=liar.counters["most_pieces"]).checked(
-            not names, f"{', '.join(names)} depend on the coarse stage ({make.__name__})"
-        )
-        total = total.checked(scene.asked == len(a), "the coarse stage was not asked")
-    return total
-
-
-@row("E01", "coarse stage reports wrong hits", "identity")
-def random_proposals(effort: Effort) -> Outcome:
-    """Any triangle at any distance is proposed: no bit of the answer changes."""
-    return _lied_to(effort, False)
-
-
-@row("E02", "coarse stage misses", "identity")
-def no_proposals(effort: Effort) -> Outcome:
-    """Nothing is proposed: no bit of the answer changes."""
-    return _lied_to(effort, True)
 
 
 @row("E03", "arguments are used twice", "identity")
@@ -155,21 +90,6 @@ def workers(effort: Effort) -> Outcome:
     return total
 
 
-@row("E06", "rays in random order", "identity")
-def order(effort: Effort) -> Outcome:
-    """No ray depends on its neighbours."""
-    total, n = Outcome(), effort.count(100_000, 500)
-    shuffled = effort.rng().permutation(n)
-    for surfaces in ([torus(), Sphere((0, 0, 0), 0.3)], [teapot()]):
-        tracer = Intersector(surfaces)
-        rays = chords(surfaces, n, seed=effort.seed + 9)
-        a = tracer.intersect(rays.origins, rays.directions)[shuffled]
-        b = tracer.intersect(rays.origins[shuffled], rays.directions[shuffled])
-        names = differences(a, b)
-        total += Outcome(rays=n).checked(not names, f"order changes {', '.join(names)}")
-    return total
-
-
 @row("E07", "tolerance 0 or 1e-300", "refusal")
 def no_tolerance(effort: Effort) -> Outcome:
     """Zero is refused; what cannot be reached is refused before the work."""
@@ -220,91 +140,29 @@ def layouts(effort: Effort) -> Outcome:
     return total
 
 
-# Saves after every few passes, until it is killed.
-_SAVES = """
-import sys
-from hybrid_rt.integrators import workers
-from hybrid_rt.rendering import store
-from hybrid_rt.rendering.renderer import render
-from proof.stability.rows_light_stored import room
-workers.TOGETHER, store.EVERY, store.SHARE = 1, 0.0, 1e9
-render(room(), passes=10**6, store=sys.argv[1], resume=True, threads=1)
-"""
-
-
-@row("E10", "killed while its sums are written", "the render in one go")
-def killed(effort: Effort) -> Outcome:
-    """Kill -9 at random moments of a render that saves after each pass: the store goes on."""
-    from hybrid_rt.rendering.renderer import render
-    from proof.stability.rows_light_stored import room
-
-    total, rng, before = Outcome(), effort.rng(), 0
-    with tempfile.TemporaryDirectory() as name:
-        sums = [Path(name) / file for file in SUMS]
-        for _ in range(effort.count(12)):
-            child = subprocess.Popen([sys.executable, "-c", _SAVES, name])
-            times = [file.exists() and file.stat().st_mtime_ns for file in sums]
-            until = time.monotonic() + LIMIT
-            while [file.exists() and file.stat().st_mtime_ns for file in sums] == times:
-                if child.poll() is not None or time.monotonic() > until:
-                    break
-                time.sleep(0.005)
-            time.sleep(float(rng.uniform(0.0, 0.2)))
-            child.kill()
-            total = total.checked(child.wait() == -signal.SIGKILL, "the child ended by itself")
-            part = render(room(), passes=before + 1, store=name, resume=True)
-            done, kept = part.report["passes"], part.report["store"]
-            whole = render(room(), passes=done)
-            total += Outcome(
-                rays=whole.image.size, wrong=int((part.image != whole.image).sum())
-            ).checked(done > before and bool(kept["lost"]), "passes were lost without a word")
-            before = done
-    return total
-
-
-@row("E11", "a bit of a store flips", "the sums that were saved")
-def flipped(effort: Effort) -> Outcome:
-    """Any bit of any file: the sums that are taken up are those of one of the two saves."""
-    from hybrid_rt.rendering.renderer import render
-    from proof.stability.rows_light_stored import room
-
-    total, scene = Outcome(), room().with_camera(room().camera.resized(8, 6))
-    said = logging.getLogger("hybrid_rt.rendering.store")
-    said.addFilter(_nothing)
-    with tempfile.TemporaryDirectory() as name:
-        for passes in (2, 3):
-            render(scene, passes=passes, store=name, resume=True)
-        files = [Path(name) / file for file in (IDENTITY, *SUMS)]
-        identity = json.loads(files[0].read_text())
-        del identity["format"]
-
-        def taken_up() -> tuple[int, bytes]:
-            store = PassStore(name, resume=True)
-            try:
-                saved = store.open(identity)
-            except StoreError as error:
-                return -1, str(error).encode()
-            finally:
-                store.close()
-            assert saved is not None
-            return saved.passes, saved.arrays["sums"].tobytes() + saved.arrays["run"].tobytes()
-
-        newest, contents = taken_up(), [file.read_bytes() for file in files]
-        files[2].unlink()
-        expected = [newest, newest, taken_up()]
-        files[2].write_bytes(contents[2])
-        n_bits = 8 * sum(map(len, contents))
-        step = max(n_bits // effort.count(n_bits, 100), 1)
-        for file, whole, right in zip(files, contents, expected, strict=True):
-            for i in range(effort.seed % step, 8 * len(whole), step):
-                content = bytearray(whole)
-                content[i // 8] ^= 1 << i % 8
-                file.write_bytes(content)
-                total += Outcome(rays=1, wrong=int(taken_up() != right))
-            file.write_bytes(whole)
-    said.removeFilter(_nothing)
-    return total
-
-
-def _nothing(_record: Any) -> bool:
-    return False
+STORE, HITS = "rendering/test_store.py", "intersection/test_certified.py"
+tested(
+    "E01",
+    "coarse stage reports wrong hits",
+    "identity",
+    f"{HITS}::test_wrong_coarse_hits_change_nothing",
+)
+tested("E02", "coarse stage misses", "identity", f"{HITS}::test_wrong_coarse_hits_change_nothing")
+tested(
+    "E06",
+    "rays in random order",
+    "identity",
+    f"{HITS}::test_order_batches_and_threads_change_no_bit",
+)
+tested(
+    "E10",
+    "killed while its sums are written",
+    "the render in one go",
+    f"{STORE}::test_killed_at_any_moment",
+)
+tested(
+    "E11", "a bit of a store flips", "the sums that were saved",
+    f"{STORE}::test_every_bit_of_sums_counts",
+    f"{STORE}::test_a_bit_of_the_identity_does_not_lose_the_sums",
+    f"{STORE}::test_a_flipped_bit_costs_a_save_at_most",
+)  # fmt: skip

@@ -62,7 +62,7 @@ def _tilted(effort: Effort, along: bool, exactly: bool = False) -> Outcome:
     return replace(total, curves=() if exactly else tuple(curves))
 
 
-@row("B01", "ray parallel to the axis", "oracle; exact crossings")
+@row("B01", "ray parallel to the axis", "exact arithmetic")
 def parallel(effort: Effort) -> Outcome:
     """The axis as it is rounded, and coordinate axes exactly."""
     straight = SurfaceOfRevolution(WAVE[:2], ORIGIN, AXIS)
@@ -72,13 +72,13 @@ def parallel(effort: Effort) -> Outcome:
     return catalogue("B01", effort) + _tilted(effort, True, exactly=True) + exact
 
 
-@row("B02", "ray nearly parallel to the axis", "oracle; exact crossings")
+@row("B02", "ray nearly parallel to the axis", "exact arithmetic")
 def nearly_parallel(effort: Effort) -> Outcome:
     """Angles of 1e-1 to 1e-16."""
     return catalogue("B02-B04", effort) + _tilted(effort, True)
 
 
-@row("B03", "ray perpendicular to the axis", "oracle; exact crossings; closed form")
+@row("B03", "ray perpendicular to the axis", "exact arithmetic; closed form")
 def perpendicular(effort: Effort) -> Outcome:
     """Two hits per root of the height: the circle of a cylinder is met twice."""
     n, rng = effort.count(5000, 50), effort.rng(3)
@@ -91,7 +91,7 @@ def perpendicular(effort: Effort) -> Outcome:
     return exact + found + Outcome(wrong=int((counts != 2).sum()))
 
 
-@row("B04", "ray nearly perpendicular to the axis", "oracle; exact crossings")
+@row("B04", "ray nearly perpendicular to the axis", "exact arithmetic")
 def nearly_perpendicular(effort: Effort) -> Outcome:
     """Angles of 1e-1 to 1e-16 with the plane across."""
     return catalogue("B02-B04 vase", effort) + _tilted(effort, False)
@@ -180,7 +180,7 @@ def on_the_axis(effort: Effort) -> Outcome:
     )
 
 
-@row("B10", "profile with a loop", "oracle; exact crossings")
+@row("B10", "profile with a loop", "exact arithmetic")
 def loops(effort: Effort) -> Outcome:
     """The nearest sheet."""
     surface = SurfaceOfRevolution([(0.0, 0.6), (2.0, 1.6), (-1.0, 1.6), (1.0, 0.6)], ORIGIN, AXIS)
@@ -234,7 +234,7 @@ def discs_and_cylinders(effort: Effort) -> Outcome:
     return total
 
 
-@row("B14", "joints of a profile", "oracle; counts")
+@row("B14", "joints of a profile", "exact arithmetic; counts")
 def joints(effort: Effort) -> Outcome:
     """Aimed at the joint circle of a cylinder of two parts: one crossing each, no gap."""
     tube = SurfaceOfRevolution([[(-1, 1), (0, 1)], [(0, 1), (1, 1)]], ORIGIN, AXIS)
@@ -271,7 +271,7 @@ def seam(effort: Effort) -> Outcome:
     return found + Outcome(wrong=int((~hits.hit | ~in_range | off).sum()))
 
 
-@row("B16", "grazing the equators", "oracle; exact crossings")
+@row("B16", "grazing the equators", "exact arithmetic")
 def equators(effort: Effort) -> Outcome:
     """A torus, 1e-1 to 1e-14 of its size from tangency."""
     return catalogue("B16", effort) + by_set(

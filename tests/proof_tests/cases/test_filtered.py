@@ -15,15 +15,16 @@ from proof.cases.filtered_campaign import (
     ORDINARY,
     ORDINARY_SCENES,
     SINGULAR,
-    Checker,
-    Count,
     Group,
+    _check,
     added,
     ordinary_rays,
     run_ordinary,
     run_singular,
 )
 from proof.cases.singular_sets import KINDS, SETS
+from proof.exact.judge import BatchVerdict
+from proof.judge import Judge
 
 TOOL = Path(__file__).parents[3] / "tools" / "verify_many.py"
 
@@ -48,18 +49,18 @@ def test_ordinary_rays_hardly_need_exact_arithmetic():
     assert {kind for kind, _ in ORDINARY_SCENES.values()} == set(KINDS)
 
 
-class TestChecker:
+class TestJudge:
     @pytest.fixture
     def traced(self):
         surfaces = SETS["egg poles"].surfaces()
         rays = ordinary_rays(surfaces, 60, 2)
         hits = Intersector(surfaces).intersect(rays.origins, rays.directions)
         assert hits.hit.sum() > 15
-        return Checker, surfaces, hits, rays
+        return Judge, surfaces, hits, rays
 
     def checked(self, checker, hits, rays):
         group = Group("egg", "turned", ORDINARY, 1)
-        checker.check(group, "batch", hits, rays.origins, rays.directions, None)
+        _check(checker, group, "batch", hits, rays.origins, rays.directions, None)
         return group
 
     def changed(self, hits, **columns):
@@ -78,7 +79,7 @@ class TestChecker:
         assert (count.faults, count.asked, count.rays) == (0, 0, 60)
         lost = self.changed(hits, t=np.inf, object_id=-1, status=Status.MISS)
         group = self.checked(make(surfaces), lost, rays)
-        assert (group.count.wrong, group.count.asked) == (4, 4)
+        assert (group.count.n_wrong, group.count.asked) == (4, 4)
         fault, ray = group.examples[0]
         assert fault == "missed"
         assert [float.fromhex(x) for x in ray["origin"]] == rays.origins[ray["row"]].tolist()
@@ -97,11 +98,11 @@ class TestChecker:
 
 
 def test_runs_add_up_unless_their_rays_are_the_same():
-    one = Group("cone tip", "turned", SINGULAR, 1, Count(rays=5, hits=3, seconds=1.0))
-    two = dataclasses.replace(one, seed=2, count=Count(rays=7, wrong=1, seconds=0.5))
-    ball = Group("fan", "mesh", ORDINARY, 1, Count(rays=2))
+    one = Group("cone tip", "turned", SINGULAR, 1, BatchVerdict(rays=5, hits=3, seconds=1.0))
+    two = dataclasses.replace(one, seed=2, count=BatchVerdict(rays=7, off_ray=1, seconds=0.5))
+    ball = Group("fan", "mesh", ORDINARY, 1, BatchVerdict(rays=2))
     table = added([one, two, ball])
-    assert table[SINGULAR, "turned"] == Count(rays=12, hits=3, wrong=1, seconds=1.5)
+    assert table[SINGULAR, "turned"] == BatchVerdict(rays=12, hits=3, off_ray=1, seconds=1.5)
     assert table[ORDINARY, "mesh"].rays == 2
     with pytest.raises(ValueError, match="'cone tip' with seed 1 are there twice"):
         added([one, two, one])
@@ -125,7 +126,7 @@ def test_the_tool_keeps_runs_and_adds_them_up(tmp_path, monkeypatch, capsys):
     assert run_tool(monkeypatch, "--add-up", *files) == 0
     assert "280 rays, 0 faults, 0 left open" in capsys.readouterr().out
     broken = json.loads(Path(files[1]).read_text())
-    broken[0]["count"]["wrong"] = 1
+    broken[0]["count"]["off_ray"] = 1
     Path(files[1]).write_text(json.dumps(broken))
     assert run_tool(monkeypatch, "--add-up", *files) == 1
     assert run_tool(monkeypatch, "--add-up", files[0], files[0]) == 2

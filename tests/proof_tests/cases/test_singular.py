@@ -24,9 +24,9 @@ from proof.cases.singular_campaign import (
 )
 from proof.cases.singular_rays import beside, parallel, within
 from proof.cases.singular_sets import DISTANCES, KINDS, PLACEMENTS, SETS
-from proof.exact.exact_surface import exact_of
 from proof.exact.judge import ExactJudge
 from proof.exact.truth import ExactScene
+from proof.surface import exact_of
 
 ROOT = Path(__file__).parents[3]
 TOOLS = ROOT / "tools"

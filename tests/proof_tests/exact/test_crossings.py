@@ -1,13 +1,13 @@
-"""The exact oracles against closed forms to 60 digits, and against each other."""
+"""Exact crossings against closed forms to 60 digits, and against elimination."""
 
 import flint
 import mpmath
 import numpy as np
 import pytest
 import trimesh
+from elimination import height_field, height_field_roots, lathe_roots
 
 from hybrid_rt import Box, Plane, Rectangle, Sphere, TriangleMesh
-from hybrid_rt.demo import vase
 from hybrid_rt.primitives.torus import Torus
 from meshing import BezierPatches, SurfaceOfRevolution
 from proof.cases.catalogue import (
@@ -18,14 +18,12 @@ from proof.cases.catalogue import (
     saddle,
     square,
 )
-from proof.cases.rays import hard_rays
 from proof.cases.singular_surfaces import lid, petal
+from proof.exact.answers import answers_to
 from proof.exact.crossings import ALONG, OPEN, POINT, bits, rationals
 from proof.exact.patches import patches_crosser
 from proof.exact.revolution import revolution_crosser
-from proof.exact.truth import ExactScene, exact_hits
-from proof.judges.exact import height_field, height_field_roots, lathe_roots
-from proof.judges.oracle import first_hits
+from proof.exact.truth import ExactScene
 
 DIGITS = 60
 # Balls are narrower than 2^-84 of the way to the crossing.
@@ -189,8 +187,8 @@ def test_a_ruling_that_may_leave_its_part_of_a_turn_is_open(part):
     ray = rationals((15.0, -30.0, -6.0)), rationals((0.0, 5.0, 1.0))
     (found,) = revolution_crosser(surface)(*ray)
     assert (found.kind, float(found.t), float(found.t_end)) == (OPEN, 2.0, 10.0)
-    truth = exact_hits(ExactScene([surface]), [(15.0, -30.0, -6.0)], [(0.0, 5.0, 1.0)])
-    assert truth.undecided[0]
+    ray = np.array([15.0, -30.0, -6.0]), np.array([0.0, 5.0, 1.0])
+    assert answers_to(ExactScene([surface]), *ray).undecided
 
 
 @pytest.mark.parametrize(("part", "n"), [((-0.1, 0.1), 1), ((0.2, 0.3), 0)])
@@ -306,23 +304,6 @@ def test_one_square_of_many_kinds():
         assert first in ([], [t])
         top = [one.t for one in box.crossings(o, d) if one.crossing.patch_id == 5]
         assert top == first
-
-
-@pytest.mark.parametrize(
-    ("surfaces", "n"), [(lambda: [vase(0, 0, 5)], 60), (lambda: [saddle(), ring()], 60)]
-)
-def test_the_two_oracles_agree_on_hard_rays(surfaces, n):
-    scene = ExactScene(surfaces())
-    rays = hard_rays(scene.surfaces, n, seed=11)
-    slow = exact_hits(scene, rays.origins, rays.directions)
-    fast = first_hits(scene.surfaces, rays.origins, rays.directions)
-    clear = ~(slow.ambiguous | fast.ambiguous | slow.undecided | fast.undecided)
-    assert clear.sum() > n // 2
-    assert np.array_equal(slow.object_id[clear], fast.object_id[clear])
-    both = clear & np.isfinite(slow.t)
-    # The fast one adds two floats at the end, the slow one rounds once; scales are below 1e9.
-    gap = np.abs(slow.t[both] - fast.t[both]) * slow.length[both] * slow.cosine[both]
-    assert (gap <= slow.band[both]).all()
 
 
 def test_tori_by_the_quartic_to_many_digits():

@@ -11,13 +11,12 @@ from hybrid_rt.demo import teapot
 from hybrid_rt.primitives.asphere import Asphere
 from meshing import BezierPatches, Cylinder
 from meshing.sheet import PatchSheet
-from proof.cases.filtered_campaign import SINGULAR, Checker, Group
 from proof.cases.singular_sets import SETS
 from proof.cases.singular_surfaces import lid
+from proof.exact.answers import answers_to
 from proof.exact.judge import ExactJudge
-from proof.exact.truth import ExactScene, exact_hits
-from proof.judges.judge import compare
-from proof.judges.oracle import first_hits
+from proof.exact.truth import ExactScene
+from proof.judge import Judge
 
 DOWN = np.array([(0.0, 0.0, -1.0)])
 SQUARE = [[(0, 0, 0), (0, 1, 0)], [(1, 0, 0), (1, 1, 0)]]
@@ -37,15 +36,11 @@ def changed(hits, **columns):
 
 
 def faults_of(surface, hits, origin, direction=DOWN):
-    """Return wrong rows by the fast oracle and by exact arithmetic, and faults of a campaign."""
+    """Return wrong rows by exact arithmetic, and faults with the screen before it."""
     rays = np.array([origin], float), np.array(direction, float)
-    group = Group("x", "closed", SINGULAR, 1)
-    Checker([surface]).check(group, "batch", hits, *rays, None)
-    return (
-        compare(hits, first_hits([surface], *rays, threads=1)).n_wrong,
-        ExactJudge([surface]).judge(hits, *rays).n_wrong,
-        group.count.faults,
-    )
+    return ExactJudge([surface]).judge(hits, *rays).n_wrong, Judge([surface]).judge(
+        hits, *rays
+    ).faults
 
 
 def triangle():
@@ -71,10 +66,9 @@ def test_hits_behind_the_ray_are_wrong(origin, status):
     # From the centre the ray has a hit ahead; from above, upwards, none.
     there = traced(BALL, origin)
     back = changed(there, t=-there.t[0], status=status)
-    fast, exact, faults = faults_of(BALL, back, origin, -DOWN)
-    assert fast == 1
+    exact, faults = faults_of(BALL, back, origin, -DOWN)
     assert exact == faults == (status == Status.HIT)
-    assert faults_of(BALL, there, origin) == (0, 0, 0)
+    assert faults_of(BALL, there, origin) == (0, 0)
 
 
 @pytest.mark.parametrize(
@@ -90,13 +84,13 @@ def test_hits_behind_the_ray_are_wrong(origin, status):
 )  # fmt: skip
 def test_hits_beyond_the_border_are_wrong(surface, inside, outside, u, v):
     hits = traced(surface, inside)
-    assert faults_of(surface, hits, inside) == (0, 0, 0)
+    assert faults_of(surface, hits, inside) == (0, 0)
     t = hits.t[0]
     if isinstance(surface, Asphere):
         t = 2.0 - float(surface.sag.at(np.array([2.25]))[0][0])
     claimed = changed(hits, t=t, u=u, v=v, status=Status.HIT)
-    fast, exact, faults = faults_of(surface, claimed, outside)
-    assert fast == exact == 1
+    exact, faults = faults_of(surface, claimed, outside)
+    assert exact == 1
     assert faults >= 1
 
 
@@ -106,22 +100,18 @@ def test_hits_beyond_the_part_of_a_turn_are_wrong():
     hits = traced(half, origin, to)
     assert (hits.t[0], hits.u[0]) == (4.0, 0.5)
     claimed = changed(hits, t=2.0, u=1.5)
-    assert faults_of(half, hits, origin, to) == (0, 0, 0)
-    fast, exact, faults = faults_of(half, claimed, origin, to)
-    assert fast == exact == 1
+    assert faults_of(half, hits, origin, to) == (0, 0)
+    exact, faults = faults_of(half, claimed, origin, to)
+    assert exact == 1
     assert faults >= 1
 
 
 @pytest.mark.parametrize("limits", [{"t_max": 1.0}, {"t_min": 3.5}])
 def test_hits_beyond_the_limits_of_t_are_wrong(limits):
-    hits = traced(BALL, (0, 0, 3))
-    rays = np.array([(0.0, 0.0, 3.0)]), DOWN
-    for truth in (
-        first_hits([BALL], *rays, **limits, threads=1),
-        exact_hits(ExactScene([BALL]), *rays, **limits),
-    ):
-        assert compare(hits, truth).n_wrong == 1
-        assert compare(traced(BALL, (0, 0, 3), **limits), truth).n_wrong == 0
+    answers = answers_to(ExactScene([BALL]), np.array([0.0, 0.0, 3.0]), DOWN[0], **limits)
+    assert answers.fault(traced(BALL, (0, 0, 3)), 0, 0.0)[0] is not None
+    within = traced(BALL, (0, 0, 3), **limits)
+    assert answers.fault(within, 0, 0.0 if within.hit[0] else np.inf)[0] is None
 
 
 @pytest.mark.parametrize("t", [0.0, 1e-17, 1e-15])
@@ -129,10 +119,8 @@ def test_a_departure_met_again_is_wrong(t):
     source = traced(BALL, (0, 0, 3))
     rays = source.position, np.array([(0.6, 0.0, 0.8)])
     again = dataclasses.replace(source, t=np.array([t]))
-    truth = first_hits([BALL], *rays, departing=True, threads=1)
-    assert compare(again, truth).wrong["phantom"] == 1
-    truth = exact_hits(ExactScene([BALL]), *rays, leaves=source.object_id)
-    assert compare(again, truth).wrong["phantom"] == 1
+    answers = answers_to(ExactScene([BALL]), rays[0][0], rays[1][0], leaves=0)
+    assert answers.fault(again, 0, 0.0)[0] == "phantom"
     verdict = ExactJudge([BALL]).judge(again, *rays, leaves=source.object_id)
     assert verdict.wrong["departure"] == 1
 
@@ -155,7 +143,7 @@ class TestLostNormals:
         # Seen from within the bottom is at z = 0; the apex is at 3.15.
         pot = teapot()
         bottom = traced(pot, (0, 0, 3))
-        assert faults_of(pot, changed(bottom, t=10.0), self.origin) == (1, 1, 1)
+        assert faults_of(pot, changed(bottom, t=10.0), self.origin) == (1, 1)
 
     @pytest.mark.parametrize("make", [teapot, lid])
     def test_the_right_row_is_right_without_a_mark(self, make):
@@ -168,16 +156,16 @@ class TestLostNormals:
     def test_a_miss_through_an_apex_is_wrong(self):
         miss = traced(lid(), self.origin, -DOWN)
         assert not miss.hit[0]
-        assert faults_of(lid(), miss, self.origin) == (1, 1, 1)
+        assert faults_of(lid(), miss, self.origin) == (1, 1)
 
     def test_an_apex_ahead_is_no_departure(self):
         # A ray that leaves the bottom and passes the apex has one point of departure.
         pot = teapot()
         source = traced(pot, (0, 0, 3))
-        rays = source.position, -DOWN
-        truth = exact_hits(ExactScene([pot]), *rays, leaves=source.object_id)
-        assert (truth.left[0], truth.ambiguous[0]) == (0, False)
-        assert truth.t[0] == pytest.approx(3.15)
+        answers = answers_to(ExactScene([pot]), source.position[0], -DOWN[0], leaves=0)
+        assert answers.left == 0
+        assert answers.roots[0] is answers.first
+        assert answers.first.t == pytest.approx(3.15)
 
 
 def test_tangent_rows_are_held_to_bound_and_point():
@@ -217,10 +205,9 @@ def test_missing_marks_are_faults_of_campaigns():
     origin, to = (-3, 0, 1 + 3e-15), np.array([(1.0, 0.0, 0.0)])
     hits = traced(BALL, origin, to)
     assert hits.status[0] == Status.TANGENT
-    group = Group("x", "closed", SINGULAR, 1)
     rays = np.array([origin], float), to
     point = traced(BALL, (-3, 0, 1 - 1e-9), to)
     bare = changed(point, t=3.0, status=Status.HIT)
-    Checker([BALL]).check(group, "batch", bare, *rays, None)
-    assert (group.count.wrong, group.count.unmarked, group.count.faults) == (0, 1, 1)
-    assert group.examples[0][0] == "unmarked"
+    verdict = Judge([BALL]).judge(bare, *rays)
+    assert (verdict.n_wrong, verdict.unmarked, verdict.faults) == (0, 1, 1)
+    assert verdict.examples == {"unmarked": [0]}

@@ -8,10 +8,9 @@ from hybrid_rt.analysis.ray_sets import at_box
 from meshing import NurbsSurface, TrimmedSurface, circle, polygon
 from proof.cases.rational_surfaces import nurbs_sphere, rational_sheet
 from proof.cases.trimmed_surfaces import trimmed_sheet
-from proof.exact.truth import ExactScene, exact_hits
-from proof.judges.judge import compare
+from proof.exact.judge import ExactJudge
 
-opencascade = pytest.importorskip("proof.judges.opencascade", reason="needs OCP")
+opencascade = pytest.importorskip("proof.opencascade", reason="needs OCP")
 
 OUTLINE = polygon([(0, 0), (1, 0), (1, 1), (0, 1)])
 
@@ -35,9 +34,8 @@ def test_first_hits_are_those_of_opencascade(make):
     # It misses roots now and then; where the two differ, exact arithmetic decides.
     other = np.flatnonzero(~is_same)
     assert len(other) < 30
-    truth = exact_hits(ExactScene([surface]), rays.origins[other], directions[other])
-    verdict = compare(hits[other], truth)
-    assert (verdict.n_wrong, verdict.undecided) == (0, 0)
+    verdict = ExactJudge([surface]).judge(hits[other], rays.origins[other], directions[other])
+    assert (verdict.n_wrong, verdict.left_open) == (0, 0)
 
 
 def test_a_hit_of_another_sheet_would_be_noticed():

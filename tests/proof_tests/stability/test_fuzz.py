@@ -82,29 +82,22 @@ def test_what_was_found_holds(row_id):
 
 
 def test_failures_are_cut_down_kept_and_run_again(tmp_path, monkeypatch):
-    """A tracer that loses hits on spheres from one side is found, on one sphere and one ray."""
-    judged = fuzz_properties.compare
+    """A tracer that loses hits is found, on one surface and few rays."""
+    judge = fuzz_properties.Judge.judge
 
-    def losing(hits, truth):
-        lost = hits.hit & (truth.directions[:, 0] > 0)
+    def losing(self, hits, origins, directions):
+        lost = hits.hit & (directions[:, 0] > 0)
         hits.t[lost], hits.object_id[lost] = np.inf, -1
-        return judged(hits, truth)
+        return judge(self, hits, origins, directions)
 
-    monkeypatch.setattr(fuzz_properties, "compare", losing)
-    monkeypatch.setattr(fuzz, "SHARES", ("mixed",))
-    failures = []
-    for number in range(2):
-        draws = NumpyDraws(np.random.default_rng([1, number]))
-        failure = fuzz.tried(draws, "mixed")
-        if failure is not None:
-            failures.append(fuzz.cut_down(failure))
-    assert failures
-    smallest = min(failures, key=lambda failure: len(failure.case["surfaces"]))
-    assert len(smallest.case["surfaces"]) == len(smallest.case["origins"]) == 1
-    file = smallest.save(tmp_path)
+    monkeypatch.setattr(fuzz_properties.Judge, "judge", losing)
+    failure = fuzz.searched("surfaces", 1)
+    assert len(failure.case["surfaces"]) == 1
+    assert len(failure.case["origins"]) < fuzz.N_RAYS
+    file = failure.save(tmp_path)
     again = fuzz.read_failure(file)
-    assert again == smallest
-    assert fuzz.faults_of(again.case) == smallest.faults
+    assert again == failure
+    assert fuzz.faults_of(again.case) == failure.faults
     monkeypatch.undo()
     assert fuzz.faults_of(again.case) == ()
     build(again.case["surfaces"][0])

@@ -10,7 +10,7 @@ from hybrid_rt.core.records import Status
 from proof.cases.catalogue import cone, saddle, square
 from proof.cases.rays import chords
 from proof.exact.judge import BatchVerdict, ExactJudge
-from proof.judges.oracle import first_hits
+from proof.filters.screen import Screen
 from proof.stability.measure import (
     Plot,
     apart,
@@ -18,12 +18,12 @@ from proof.stability.measure import (
     differences,
     judged,
     traced,
+    verdict_outcome,
 )
 from proof.stability.measure_exact import (
     by_set,
     exact_errors,
     exact_verdict,
-    verdict_outcome,
 )
 from proof.stability.row import Effort, Outcome
 
@@ -54,13 +54,13 @@ def spoiled(hits):
 
 
 @pytest.mark.parametrize("kind", ["lost", "beside", "far"])
-def test_the_oracle_notices(hits, kind):
+def test_the_judges_notice(hits, kind):
     surfaces, o, d, found = hits
-    truth = first_hits(surfaces, o, d)
-    assert judged(found, truth).holds
-    outcome = judged(spoiled(found)[kind], truth)
+    assert judged(surfaces, found, o, d).holds
+    outcome = judged(surfaces, spoiled(found)[kind], o, d)
     assert not outcome.holds
     assert (outcome.broken if kind == "beside" else outcome.wrong) > 0
+    assert "rays {" in outcome.notes[-1]
 
 
 @pytest.mark.parametrize("kind", ["lost", "beside", "far"])
@@ -73,23 +73,11 @@ def test_exact_crossings_notice(hits, kind):
     assert (outcome.broken if kind == "beside" else outcome.wrong) > 0
 
 
-def test_rows_that_the_oracle_leaves_open_are_judged_by_exact_crossings(hits):
-    """Not counted as right: nor are those that exact arithmetic leaves open as well."""
-    surfaces, o, d, found = hits
-    truth = replace(first_hits(surfaces, o, d), undecided=np.ones(len(o), dtype=bool))
-    assert judged(found, truth).holds
-    outcome = judged(spoiled(found)["lost"], truth)
-    assert outcome.wrong == found.hit.sum()
-    assert "left open by the oracle, wrong: rays" in outcome.notes[0]
-
-
 def test_rows_that_nobody_decides_fail(hits, monkeypatch):
     surfaces, o, d, found = hits
-    monkeypatch.setattr(ExactJudge, "judge", lambda *_: BatchVerdict(rays=1, left_open=1))
-    truth = first_hits(surfaces, o, d)
-    assert judged(found, truth).holds
-    outcome = judged(found, replace(truth, undecided=np.ones(len(o), dtype=bool)))
-    assert outcome.faults == (f"{len(o)} of {len(o)} rays are left open by both oracles",)
+    monkeypatch.setattr(Screen, "confirmed", lambda *_: np.zeros(len(o), np.bool_))
+    monkeypatch.setattr(ExactJudge, "judge", lambda *_, **__: BatchVerdict(left_open=len(o)))
+    assert judged(surfaces, found, o, d).faults == (f"{len(o)} of {len(o)} rays are left open",)
 
 
 def test_second_hits_are_not_first_ones():

@@ -2,16 +2,22 @@
 
 import pytest
 
-from proof.stability.row import Effort, all_rows
+from proof.stability.row import TESTS, Effort, all_rows
 
 # Rows of light and what random search found have tests of their own.
 OTHERS = (".rows_light_", ".rows_found")
 ROWS = {
     row_id: entry
     for row_id, entry in all_rows().items()
-    if not any(module in entry.run.__module__ for module in OTHERS)
+    if not entry.tests and not any(module in entry.run.__module__ for module in OTHERS)
 }
 EFFORT = Effort(0.01)
+
+
+@pytest.mark.parametrize("test", sorted({t for entry in all_rows().values() for t in entry.tests}))
+def test_tests_that_hold_rows_exist(test):
+    file, name = test.split("::")
+    assert f"def {name}(" in (TESTS / "hybrid_rt" / file).read_text("utf-8")
 
 
 @pytest.mark.parametrize("row_id", list(ROWS))

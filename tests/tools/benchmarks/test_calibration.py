@@ -88,9 +88,9 @@ def test_few_passes_err_on_the_safe_side():
 
 @pytest.mark.slow
 def test_bounds_hold_and_are_not_loose():
-    parts = list(bounds(SCENES["mixed"](), 10_000, seed=5))
-    hits = sum(part.hits for part in parts)
-    assert hits > 4000
+    parts = list(bounds(SCENES["mixed"](), 2000, seed=5))
+    hits = sum(len(part.looseness) for part in parts)
+    assert hits > 800
     assert sum(part.wrong for part in parts) == 0
     assert sum(part.exceeded for part in parts) == 0
     assert max(part.worst for part in parts) <= 1.0
@@ -101,7 +101,7 @@ def test_bounds_hold_and_are_not_loose():
 def test_bounds_hold_to_sixty_digits(name, monkeypatch):
     monkeypatch.setattr(calibration, "STEP", 200)
     found = bounds_by_digits(SCENES[name](), 40, seed=5)
-    assert (found.hits, found.wrong, found.exceeded) == (40, 0, 0)
+    assert (len(found.looseness), found.wrong, found.exceeded) == (40, 0, 0)
     # The hits are no better than rounding allows, so the comparison saw errors.
     assert 0.01 < found.worst <= 1.0
     assert np.median(found.looseness) < 64.0
@@ -117,7 +117,7 @@ def test_a_broken_bound_is_seen(monkeypatch):
             return hits
 
     monkeypatch.setattr(calibration, "Intersector", Boastful)
-    (part,) = bounds(SCENES["closed forms"](), 5000, seed=5)
+    (part,) = bounds(SCENES["closed forms"](), 1000, seed=5)
     assert part.exceeded > 0
     assert part.worst > 1.0
     by_digits = bounds_by_digits(SCENES["closed forms"](), 500, seed=5)

@@ -1,6 +1,6 @@
 """What float64 can tell of the zeros of two Bernstein sums: which pieces certainly hold none.
 
-The exact oracle of patches asks it where to look; it takes nothing on trust but rejections, and
+Exact arithmetic of patches asks it where to look; it takes nothing on trust but rejections, and
 those clear rounding by far.
 """
 

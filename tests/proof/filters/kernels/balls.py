@@ -9,7 +9,7 @@ not settle, or that holds a NaN, is false both ways.
 import math
 
 from meshing.kernels.jit import inner
-from proof.judges.kernels.double_double import (
+from proof.kernels.double_double import (
     add,
     divide,
     multiply,

@@ -9,7 +9,7 @@ the smallest width is returned as unsure.
 
 from meshing.kernels.jit import inner
 from proof.filters.kernels.balls import GROW, ROUNDING
-from proof.judges.kernels.double_double import add, interpolate
+from proof.kernels.double_double import add, interpolate
 
 # Highest degree of polynomials: twice that of profiles.
 MOST_DEGREE = 60

@@ -25,7 +25,7 @@ from proof.filters.kernels.first import (
     nothing,
     start,
 )
-from proof.judges.kernels.double_double import add
+from proof.kernels.double_double import add
 
 PARALLELOGRAM, TRIANGLE, PLANE = 0, 1, 2
 

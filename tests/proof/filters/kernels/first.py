@@ -12,8 +12,8 @@ from proof.filters.kernels.balls import (
     product,
     sign,
 )
-from proof.judges.kernels.double_double import add, two_product, two_sum
-from proof.judges.kernels.events import BAND, LEAST_COSINE
+from proof.kernels.bands import BAND, LEAST_COSINE
+from proof.kernels.double_double import add, two_product, two_sum
 
 # Columns of what is said of a ray and a surface.
 FOUND, T, T_ERROR, APART, APART_ERROR, UNSURE_FROM, N_COLUMNS = 0, 1, 2, 3, 4, 5, 6

@@ -4,7 +4,7 @@ import math
 
 from meshing.kernels.jit import inner
 from proof.filters.kernels.balls import GROW, ROUNDING
-from proof.judges.kernels.double_double import add, interpolate
+from proof.kernels.double_double import add, interpolate
 
 
 @inner

@@ -26,7 +26,7 @@ from proof.filters.kernels.balls import (
 from proof.filters.kernels.bernstein import LOST
 from proof.filters.kernels.first import exact, finish, note, nothing, start
 from proof.filters.kernels.nets import bounds, halve_net, rough, slopes, value
-from proof.judges.kernels.double_double import add, multiply, two_product
+from proof.kernels.double_double import add, multiply, two_product
 
 # Pieces of a patch that are narrower are left; pieces of one patch; the deepest stack.
 SMALLEST, MOST_PIECES, DEPTH = 2.0**-50, 3000, 104

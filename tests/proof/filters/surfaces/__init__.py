@@ -1,1 +1,0 @@
-"""Filters of each class of surfaces, one module a class or a few alike."""

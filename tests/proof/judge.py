@@ -1,0 +1,72 @@
+"""The judge of first hits: a screen in ball arithmetic, and exact arithmetic behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, Status
+from proof.exact.judge import BatchVerdict, ExactJudge
+from proof.filters.screen import Screen
+
+
+class Judge:
+    """Judges hits on a list of surfaces.
+
+    Parameters
+    ----------
+    surfaces : sequence of surfaces, as `Intersector` takes them
+    tangent_every : int
+        Of the rows with TANGENT that the screen does not confirm each so-manyth is judged: no decision
+        of theirs is guaranteed.
+    """
+
+    def __init__(self, surfaces: Sequence[Any], tangent_every: int = 1) -> None:
+        self._every, self._seen = tangent_every, 0
+        self._surfaces, self._screen = list(surfaces), Screen(surfaces)
+        self._exact: ExactJudge | None = None
+
+    def judge(
+        self,
+        hits: HitRecord,
+        origins: FloatArray,
+        directions: FloatArray,
+        leaves: IntArray | None = None,
+    ) -> BatchVerdict:
+        """Judge the first hits of rays, but not which rows say TANGENT without need.
+
+        Parameters
+        ----------
+        hits : HitRecord of n rows
+        origins, directions : (n, 3) float64
+        leaves : (n,) integers, optional
+            The objects that the rays leave from; -1 for none.
+
+        Returns
+        -------
+        BatchVerdict
+            Its worst errors are those of the rows that exact arithmetic was asked about.
+        """
+        unsure = ~self._screen.confirmed(hits, origins, directions, leaves)
+        is_tangent = hits.status == Status.TANGENT
+        marked = np.flatnonzero(unsure & is_tangent)
+        kept = marked[(self._seen + np.arange(len(marked))) % self._every == 0]
+        self._seen += len(marked)
+        rows = np.union1d(np.flatnonzero(unsure & ~is_tangent), kept)
+        verdict = BatchVerdict()
+        if len(rows):
+            if self._exact is None:
+                self._exact = ExactJudge(self._surfaces)
+            left = None if leaves is None else np.asarray(leaves)[rows]
+            verdict = self._exact.judge(
+                hits[rows], origins[rows], directions[rows], leaves=left, marks=False
+            )
+        verdict.rays, verdict.hits = len(hits), int(hits.hit.sum())
+        verdict.tangent, verdict.asked = int(is_tangent.sum()), len(rows)
+        verdict.passed_over = len(marked) - len(kept)
+        verdict.examples = {
+            fault: rows[found].tolist() for fault, found in verdict.examples.items()
+        }
+        return verdict

@@ -1,1 +1,0 @@
-"""Independent oracles of first hits, and what counts as wrong."""

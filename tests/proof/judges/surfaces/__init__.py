@@ -1,1 +1,0 @@
-"""The judges of all classes of surfaces; every module here registers its own."""

@@ -1,0 +1,1 @@
+"""Arithmetic of the judges that kernels use too."""

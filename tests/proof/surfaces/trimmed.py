@@ -1,0 +1,133 @@
+"""Trimmed surfaces: crossings with the whole surface that are inside the loops."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from meshing.spans import within_patch
+from meshing.trimmed import TrimmedSurface
+from proof.exact.crossings import EITHER, POINT, Crosser, Crossing, RationalVector, bits
+from proof.exact.loops import ExactLoops
+from proof.exact.trim_edges import AROUND_GAP, TrimEdges
+from proof.filters.kernels.first import FOUND, UNSURE_FROM
+from proof.surface import ExactSurface, Gap, IsTouched, SurfaceFilter, exact_of, filter_of
+
+
+class ExactTrimmed(ExactSurface, of=TrimmedSurface):
+    """Exact crossings with the part of a surface inside loops.
+
+    Parameters of crossings are rounded, so the side of one that is within rounding of a curve is open;
+    the judge finds such crossings doubtful, since rays beside have none. What a gap lets count beyond
+    the loops is measured in float64, and near the end of the gap either answer is right.
+    """
+
+    surface: TrimmedSurface
+
+    def __init__(self, surface: TrimmedSurface) -> None:
+        super().__init__(surface)
+        self._whole = exact_of(surface.surface)
+        self._loops = ExactLoops(surface.loops, surface.closes)
+        self._edges = TrimEdges(surface) if surface.gap > 0.0 else None
+
+    def crosser(self) -> Crosser:
+        """Return a function that finds the crossings of the whole surface and leaves some out."""
+        crosser, locate, spans = self._whole.crosser(), self._whole.locate(), self.surface.spans
+
+        def decided(one: Crossing, o: RationalVector, d: RationalVector) -> Crossing | None:
+            if one.kind != POINT:
+                return one
+            at = one.u, one.v
+            if locate is not None:
+                with bits(256):
+                    at = locate([a + one.t * b for a, b in zip(o, d, strict=True)])
+            u, v = map(Fraction, at)
+            if spans is not None:
+                u0, u1, v0, v1 = map(Fraction, spans[one.patch_id].tolist())
+                u, v = u0 + u * (u1 - u0), v0 + v * (v1 - v0)
+            if self._loops.is_inside(_within(u), _within(v)) is not False:
+                return one
+            direction = np.array([float(x) for x in d])
+            is_within = self._is_within_gap(float(u), float(v), one.patch_id, direction)
+            if is_within is None:
+                return replace(one, kind=EITHER)
+            return one if is_within else None
+
+        def crossings(o: RationalVector, d: RationalVector) -> list[Crossing]:
+            found = (decided(one, o, d) for one in crosser(o, d))
+            return [one for one in found if one is not None]
+
+        return crossings
+
+    def _is_within_gap(self, u: float, v: float, patch: int, d: FloatArray) -> bool | None:
+        """Tell whether a crossing outside of the loops counts; None near the end of the gap."""
+        if self._edges is None:
+            return False
+        at = np.clip([u], 0.0, 1.0), np.clip([v], 0.0, 1.0)
+        _, lies, cosine = self._edges.steps(*at, np.array([patch]), d[None])
+        reach, sides = self._edges.reach(cosine), self._edges.sides
+        if sides.passes(*at, lies, (1.0 - AROUND_GAP) * reach)[0][0]:
+            return True
+        return None if np.any(sides.passes(*at, lies, (1.0 + AROUND_GAP) * reach)) else False
+
+    def gap(self) -> Gap:
+        """Return a function that measures from S(u, v) of the whole surface."""
+        gap, spans = self._whole.gap(), self.surface.joined_spans
+        if spans is None:
+            return gap
+
+        def gap_of_segment(patch: int, u: float, v: float, point: list[Any]) -> float:
+            _, _, v0, v1 = spans[patch].tolist()
+            return gap(patch, u, (v - v0) / (v1 - v0), point)
+
+        return gap_of_segment
+
+    def touch(self) -> IsTouched:
+        """Return a function that looks for places where the ray is tangent to the whole surface."""
+        return self._whole.touch()
+
+    def ball(self) -> tuple[list[float], float | None]:
+        """Return middle and diameter of the whole surface."""
+        return self._whole.ball()
+
+
+def _within(x: Fraction) -> Fraction:
+    """Return a parameter just inside the border: loops along it enclose it."""
+    least = Fraction(1, 1 << 60)
+    return min(max(x, least), 1 - least)
+
+
+class TrimmedFilter(SurfaceFilter, of=TrimmedSurface):
+    """Asks for exact arithmetic wherever a ray may meet the whole surface."""
+
+    surface: TrimmedSurface
+
+    def __init__(self, surface: TrimmedSurface) -> None:
+        super().__init__(surface)
+        self._whole = filter_of(surface.surface)
+
+    def first(
+        self, origins: FloatArray, directions: FloatArray, leaves: BoolArray, hit_t: FloatArray
+    ) -> FloatArray:
+        """Say which rays certainly miss the whole surface."""
+        out = self._whole.first(origins, directions, leaves, hit_t)
+        open_ = out[:, FOUND] != 0.0
+        out[open_] = 0.0
+        out[open_, UNSURE_FROM] = -np.inf
+        return out
+
+    def gap(
+        self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray
+    ) -> FloatArray:
+        """Measure from S(u, v) of the whole surface."""
+        if self.surface.joined_spans is not None:
+            u, v = within_patch(self.surface.joined_spans, u, v, patch)
+        return self._whole.gap(origins, along, u, v, patch)
+
+    def ball(self) -> tuple[FloatArray, float]:
+        """Return middle and diameter of the whole surface."""
+        return self._whole.ball()
