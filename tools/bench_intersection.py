@@ -15,20 +15,19 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.embree_newton import Rival, buffers, evaluate_with_numpy
+from benchmarks.kernels.embree_newton import evaluate_many
+from benchmarks.uniform_grids import best_uniform_grid
 from hybrid_rt import Intersector, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.analysis.mesh_error import deviations
-from hybrid_rt.benchmarks.embree_newton import Rival, buffers, evaluate_with_numpy
-from hybrid_rt.benchmarks.kernels.embree_newton import evaluate_many
-from hybrid_rt.benchmarks.uniform_grids import best_uniform_grid
+from hybrid_rt.analysis.ray_sets import RaySet, at_box, camera, silhouettes
 from hybrid_rt.cli.command import kept, one_or_more, run_tool
-from hybrid_rt.core.ray_set import RaySet
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.core.timing import in_turn
 from hybrid_rt.demo import teapot, vase
 from hybrid_rt.intersection.hit_errors import certified_hits, compare
-from hybrid_rt.verify.cases.campaign import SCENES
-from hybrid_rt.verify.cases.rays import at_box, camera, silhouettes
 from meshing import BezierPatches, SurfaceOfRevolution, tessellate
+from proof.cases.campaign import SCENES
 
 # Figures by name: each is put where it is kept as soon as it is measured.
 Rows = dict[str, Any]

@@ -26,8 +26,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from hybrid_rt.benchmarks.caustic_speed import measure_rows
-from hybrid_rt.benchmarks.two_checkouts import Job, checkout_at, compare
+from benchmarks.caustic_speed import measure_rows
+from benchmarks.two_checkouts import Job, checkout_at, compare
 from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.cli.scene_file import check_script, load_scene
 from hybrid_rt.core import checks

@@ -17,16 +17,13 @@ from unittest.mock import patch
 import numpy as np
 
 from hybrid_rt import Asphere, Box, Intersector, Rectangle, Sphere
+from hybrid_rt.analysis.ray_sets import RaySet, at_box
 from hybrid_rt.cli.command import kept, run_tool
-from hybrid_rt.core.ray_set import RaySet
 from hybrid_rt.core.records import HitRecord
 from hybrid_rt.core.timing import in_turn
 from hybrid_rt.demo import teapot
 from hybrid_rt.intersection.kinds import registry
 from hybrid_rt.primitives.torus import Torus
-from hybrid_rt.verify.cases import trimmed_surfaces as trimmed
-from hybrid_rt.verify.cases.rational_surfaces import nurbs_sphere, octants, rational_sheet
-from hybrid_rt.verify.cases.rays import at_box
 from meshing import (
     BezierPatches,
     Cone,
@@ -36,6 +33,8 @@ from meshing import (
     circle,
     polygon,
 )
+from proof.cases import trimmed_surfaces as trimmed
+from proof.cases.rational_surfaces import nurbs_sphere, octants, rational_sheet
 
 # Figures by name: each is put where it is kept as soon as it is measured.
 Rows = dict[str, Any]
@@ -86,7 +85,7 @@ def against_opencascade(n: int, rows: Rows) -> None:
         "over OpenCASCADE: Mrays/s, times its speed (least .. greatest), hits of 10 000 that differ"
     )
     try:
-        from hybrid_rt.verify.judges import opencascade
+        from proof.judges import opencascade
     except ImportError:
         print("  left out: pip install cadquery-ocp-novtk")
         return

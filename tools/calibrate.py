@@ -22,18 +22,18 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.benchmarks.calibration import (
+from benchmarks.calibration import (
     PICTURES,
     Bounds,
     bounds,
     bounds_by_digits,
     coverage,
 )
-from hybrid_rt.benchmarks.photon_truth import PHOTON_PICTURES, blur
+from benchmarks.photon_truth import PHOTON_PICTURES, blur
 from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.core import checks
 from hybrid_rt.core.records import FloatArray
-from hybrid_rt.verify.cases.campaign import SCENES
+from proof.cases.campaign import SCENES
 
 LEAST, MOST_OF_PIXELS = 0.92, 0.99
 HALF = 0.5

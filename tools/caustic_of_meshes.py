@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.mesh_caustics import Curve, curves, truth
 from hybrid_rt.analysis.diagrams import Diagram, Line, Mark, save
 from hybrid_rt.analysis.picture_sheet import sheet
 from hybrid_rt.analysis.units import percent
-from hybrid_rt.benchmarks.mesh_caustics import Curve, curves, truth
 from hybrid_rt.cli.command import earlier_rows, kept, one_or_more, run_tool, say_if_no_plots
 from hybrid_rt.sensor.color import screen_pixels
 from meshing.outputs import make_folder, replacing

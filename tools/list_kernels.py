@@ -12,6 +12,7 @@ import functools
 import inspect
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -47,11 +48,11 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.intersection.kinds.registry import MANY, kernel_groups
 from hybrid_rt.rendering.result import RenderResult
-from hybrid_rt.verify.cases.campaign import SCENES as SURFACES_TO_JUDGE
-from hybrid_rt.verify.cases.campaign import steps
-from hybrid_rt.verify.judges.surface_judge import all_judges
 from meshing import BezierPatches, TrimmedSurface, circle
 from meshing.kernels.cache import CacheOfParts, SharedCache, name_of
+from proof.cases.campaign import SCENES as SURFACES_TO_JUDGE
+from proof.cases.campaign import steps
+from proof.judges.surface_judge import all_judges
 
 SCENES = Path(__file__).parents[1] / "scenes"
 # All of light and material between them.
@@ -155,6 +156,7 @@ OF_SURFACES = (
     *(f"{MANY_OF}revolutions, {way}" for way in ("certified", "alone")),
     *(TRIMMED + kind for kind in OF_TRIMMED),
 )
+OF_PRODUCT = re.compile(r"(hybrid_rt|meshing)\b.*\.kernels\.")
 # Of what these need, the kernels of surfaces are left to surfaces.
 OTHERS = (*OPTIONS, "judges")
 CASES = (*OF_SURFACES, *OTHERS)
@@ -326,7 +328,7 @@ def run_renders(integrator: str) -> None:
 
 
 def run_judges() -> None:
-    """Let hits be judged as `hybrid_rt.verify` does, which many tests ask for."""
+    """Let hits be judged as `proof` does, which many tests ask for."""
     for surfaces in SURFACES_TO_JUDGE.values():
         next(steps(surfaces(), 40, seed=1, threads=1))
 
@@ -334,7 +336,7 @@ def run_judges() -> None:
 def overloads() -> list[tuple[Any, list[Any]]]:
     """Return the kernels and parts of this process, and what types they are compiled for."""
     found = []
-    for module in [m for name, m in sys.modules.items() if ".kernels." in name]:
+    for module in [m for name, m in sys.modules.items() if OF_PRODUCT.match(name)]:
         for kernel in vars(module).values():
             if not isinstance(getattr(kernel, "_cache", None), SharedCache):
                 continue

@@ -16,8 +16,8 @@ from pathlib import Path
 
 from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.core import checks
-from hybrid_rt.verify.cases.mutant_campaign import MutantResult, run_mutants
-from hybrid_rt.verify.cases.mutants import MUTANTS
+from proof.cases.mutant_campaign import MutantResult, run_mutants
+from proof.cases.mutants import MUTANTS
 
 
 def main() -> int:

@@ -18,13 +18,13 @@ import time
 from pathlib import Path
 
 from hybrid_rt._version import __version__
-from hybrid_rt.analysis import stability_page as pages
 from hybrid_rt.cli.command import kept, run_tool, say_if_no_plots
 from hybrid_rt.core import checks
 from hybrid_rt.core.threads import available_threads
-from hybrid_rt.verify.stability import runner
-from hybrid_rt.verify.stability.row import Effort
 from meshing.outputs import make_folder, replacing
+from proof.stability import page as pages
+from proof.stability import runner
+from proof.stability.row import Effort
 
 QUICK = 0.05
 LINE = "{:<4} {:<13} {:>9} {:>6} {:>9} {:>7} {:>8} {:>6} {:>8}  {}"
@@ -76,7 +76,7 @@ def main() -> int:
             is_right &= result.is_right
             _print(rows[-1])
         if args.fuzz is not None:
-            from hybrid_rt.verify.stability.fuzz import run_fuzz
+            from proof.stability.fuzz import run_fuzz
 
             for failure in run_fuzz(args.fuzz, args.seed, args.out):
                 failures.append({"case": failure.case, "faults": failure.faults})

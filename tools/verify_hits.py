@@ -15,8 +15,8 @@ from pathlib import Path
 
 from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.core import checks
-from hybrid_rt.verify.cases.campaign import COSINES, SCENES, STEP, Tally, steps
-from hybrid_rt.verify.judges.second_certificate import Duel, duel
+from proof.cases.campaign import COSINES, SCENES, STEP, Tally, steps
+from proof.judges.second_certificate import Duel, duel
 
 OF_PATCHES = ("teapot", "patches")
 

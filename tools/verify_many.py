@@ -23,7 +23,7 @@ from pathlib import Path
 
 from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.core import checks
-from hybrid_rt.verify.cases.filtered_campaign import (
+from proof.cases.filtered_campaign import (
     ORDINARY,
     ORDINARY_SCENES,
     SINGULAR,
@@ -33,8 +33,8 @@ from hybrid_rt.verify.cases.filtered_campaign import (
     run_ordinary,
     run_singular,
 )
-from hybrid_rt.verify.cases.singular_campaign import MOST_OPEN
-from hybrid_rt.verify.cases.singular_sets import DISTANCES, KINDS, PLACEMENTS, SETS
+from proof.cases.singular_campaign import MOST_OPEN
+from proof.cases.singular_sets import DISTANCES, KINDS, PLACEMENTS, SETS
 
 HEAD = (
     f"{'':30}{'rays':>11}{'hits':>11}{'TANGENT':>9}{'asked':>9}{'wrong':>7}{'+TANGENT':>9}"

@@ -2,7 +2,7 @@
 
 Rays are aimed at tips, poles, spindles, joints, rims, seams, flat parts, rulings, collapsed edges,
 corners, creases, cusps, shared edges, and away from hits, at 1e-1 to 1e-16 of the size, in several
-places; see `hybrid_rt/verify/cases/singular_sets.py`. All crossings come from exact arithmetic. For each
+places; see `tests/proof/cases/singular_sets.py`. All crossings come from exact arithmetic. For each
 set and distance: wrong hits (+ those that say TANGENT), broken bounds of t, points beside the ray (+ those),
 missing marks, rows TANGENT and those of them without need, rays left open; then the largest error
 of t in eps x scale / cos, in t_bound, and of the point in 64 eps x scale.
@@ -17,9 +17,9 @@ from pathlib import Path
 
 from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.core import checks
-from hybrid_rt.verify.cases.singular_campaign import MOST_OPEN, SetResult, run_sets
-from hybrid_rt.verify.cases.singular_sets import DISTANCES, KINDS, PLACEMENTS, SETS
-from hybrid_rt.verify.exact.judge import BatchVerdict
+from proof.cases.singular_campaign import MOST_OPEN, SetResult, run_sets
+from proof.cases.singular_sets import DISTANCES, KINDS, PLACEMENTS, SETS
+from proof.exact.judge import BatchVerdict
 
 HEAD = (
     f"{'':>10}{'rays':>7}{'hits':>7}{'wrong':>9}{'bounds':>8}{'off':>6}{'no mark':>8}"

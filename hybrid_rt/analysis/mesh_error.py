@@ -14,12 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.core.ray_set import RaySet
+from hybrid_rt.analysis.ray_sets import RaySet, at_box, camera, silhouettes
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.core.timing import in_turn
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.hit_errors import Errors, certified_hits, compare
-from hybrid_rt.verify.cases.rays import at_box, camera, silhouettes
 from meshing import tessellate
 
 # Points per triangle at which deviation and normals are measured, at least so many in all.

@@ -244,7 +244,7 @@ _FAR = ("mean off by", "worst off by", "gap", "normal off by")
 _ABOUT_HITS = (
     (
         "us a ray: microseconds of wall time, the median of the runs; all runs: the least and the most. "
-        "wrong: share of the judged rays whose first hit is wrong, by an oracle that shares no code."
+        "wrong: share of the judged rays whose first hit is wrong, by certified hits found without triangles."
     ),
     (
         "missed: rays that meet a surface and find none. phantom: rays that meet nothing and find "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from hybrid_rt.analysis.method_forecast import triangles_for
 from hybrid_rt.analysis.methods import curved_surfaces, default_methods
 from hybrid_rt.analysis.page import Study
 from hybrid_rt.analysis.picture_comparison import load_picture
+from hybrid_rt.analysis.ray_sets import camera as random_camera
 from hybrid_rt.analysis.reference import REFERENCES
 from hybrid_rt.analysis.units import asked, of_pixels
 from hybrid_rt.analysis.work_precision import PictureStudy, StudyInterrupted
@@ -27,8 +27,6 @@ from hybrid_rt.rendering.result import RenderResult
 from hybrid_rt.rendering.versions import versions
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.image_files import check_output
-from hybrid_rt.verify.cases.rays import camera as random_camera
-from hybrid_rt.verify.judges.oracle import workers_of
 from meshing import BezierPatches
 
 REFERENCE_FILE = "reference.npz"
@@ -129,7 +127,7 @@ def add_study_options(parser: argparse.ArgumentParser) -> None:
         "--width", type=one_or_more, help="default: that of the scene, at most 240, quick 120"
     )
     parser.add_argument(
-        "--rays", type=one_or_more, help="judged by the oracle; default 100000, quick 20000"
+        "--rays", type=one_or_more, help="of first hits; default 100000, quick 20000"
     )
     parser.add_argument("--threads", type=one_or_more)
 
@@ -202,11 +200,12 @@ def _study(
                 raise
         surfaces = [] if args.only == "pictures" else curved_surfaces(scene)
         if args.only == "hits" and not surfaces:
-            raise ValueError(
-                f"{file} has neither patches nor a surface of revolution, whose hits are compared with those "
-                "of meshes: leave out --only hits"
-            )
-    if surfaces and _are_known(surfaces):
+            surfaces = [x.surface for x in scene.objects if x.surface.is_bounded]
+            if not surfaces:
+                raise ValueError(
+                    f"{file} has no surface that ends, whose first hits could be timed: leave out --only hits"
+                )
+    if surfaces:
         if scene is None:
             rays = random_camera(surfaces, n_rays, 1)
         else:
@@ -214,16 +213,6 @@ def _study(
         studies["hits"] = hit_study.study_hits(
             surfaces, rays, runs=3 if args.quick else 7, threads=args.threads, say=_tell_step
         )
-
-
-def _are_known(surfaces: Sequence[Any]) -> bool:
-    """Tell whether the oracle can judge hits on surfaces; if not, say why."""
-    try:
-        workers_of(surfaces)
-    except TypeError as error:
-        _tell_step(f"first hits are left out: {error}")
-        return False
-    return True
 
 
 def _resized(scene: Scene, width: int) -> Scene:

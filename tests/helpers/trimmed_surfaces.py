@@ -3,7 +3,6 @@
 import numpy as np
 
 from hybrid_rt import Asphere, Rectangle, Sphere, Torus
-from hybrid_rt.verify.cases.rational_surfaces import octants
 from meshing import (
     BezierPatches,
     Curve2,
@@ -14,6 +13,7 @@ from meshing import (
     circle,
     polygon,
 )
+from proof.cases.rational_surfaces import octants
 
 OUTLINE = polygon([(0, 0), (1, 0), (1, 1), (0, 1)])
 

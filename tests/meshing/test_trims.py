@@ -22,7 +22,6 @@ from trimmed_surfaces import (
 )
 
 from hybrid_rt.core.fingerprint import fingerprint
-from hybrid_rt.verify.exact.loops import ExactLoops
 from meshing import (
     BezierPatches,
     Curve2,
@@ -36,6 +35,7 @@ from meshing import (
     tessellate,
 )
 from meshing.curve2 import _slopes, _turns
+from proof.exact.loops import ExactLoops
 
 EPS = 2.0**-52
 

@@ -16,7 +16,7 @@ import pytest
 from hybrid_rt.cli import command
 from hybrid_rt.core import progress
 from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
-from hybrid_rt.verify.cases import campaign
+from proof.cases import campaign
 
 TOOLS = Path(__file__).parents[2] / "tools"
 

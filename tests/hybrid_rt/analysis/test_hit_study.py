@@ -1,13 +1,17 @@
 """Studies of first hits: certified ones are right, those of meshes are not."""
 
 import math
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from studied import SCENE, TUBE
 
-from hybrid_rt.analysis import answers, study_diagrams, tables
+from hybrid_rt import Intersector, Torus
+from hybrid_rt.analysis import answers, hit_study, study_diagrams, tables
 from hybrid_rt.analysis.hit_study import RULE_OF_THREE, camera_rays, study_hits
 from hybrid_rt.analysis.methods import size_of
+from hybrid_rt.intersection.hit_errors import certified_hits
 from meshing import SurfaceOfRevolution, TrimmedSurface, polygon
 
 
@@ -40,6 +44,55 @@ def test_hits_on_parts_of_turns_and_rational_surfaces_are_studied(more):
     assert study.judged > 200
     # Steps are counted on whole turns of plain profiles only.
     assert study.newton == []
+
+
+def test_hits_on_closed_forms_are_timed():
+    """No accuracy but "certified" is another method where nothing is tessellated."""
+    rays = camera_rays(SCENE, 1000)
+    study = study_hits([Torus((0, 0, 0), (0, 0, 1), 1.0, 0.3)], rays, runs=1, threads=1)
+    assert [curve.name for curve in study.curves] == ["certified, no Embree"]
+    assert study.curves[0].points[0].error.median == 0.0
+    assert study.judged > 100
+    assert 0.0 < study.truth_bound < 1e-12
+    cost, bound = answers.hit_answers(study)
+    assert "nothing to tessellate" in cost
+    assert "of the size" in bound
+    assert len(tables.hit_table(study.curves).rows) == 1
+
+
+class Shown:
+    """A tracer that finds given hits."""
+
+    n_triangles = 0
+    build_seconds = 0.0
+
+
+def test_errors_of_hits_by_hand():
+    """A tube of radius 1 about z, seen along y, of which everything is known."""
+    tube = SurfaceOfRevolution([[-1.0, 1.0], [1.0, 1.0]], (0, 0, 0), (0, 0, 1))
+    x = np.array([-1.2, -0.9, -0.5, 0.0, 0.5, 0.9, 1.2])
+    origins = np.stack([x, np.full(7, -3.0), np.full(7, 0.1)], axis=1)
+    directions = np.tile((0.0, 2.0, 0.0), (7, 1))
+    bare = Intersector([tube], coarse="none")
+    truth, hits = certified_hits(bare, origins, directions), bare.intersect(origins, directions)
+    depth = np.sqrt(1 - 0.5**2)
+    hits.t[2] += 2 * depth / 2  # the far side; t counts lengths of 2
+    hits.t[3] = np.inf
+    hits.object_id[3] = -1
+    hits.t[0], hits.object_id[0] = 1.0, 0
+    hits.t[4] += 0.01
+    hits.normal[4] = (1.0, 0.0, 0.0)  # the true one is (1/2, -depth, 0): 60 degrees off
+    hits.residual[5] = 0.25
+    point, judged = hit_study._hit_point(
+        0.0, Shown(), [tube], truth, hits, SimpleNamespace(median=1.0, least=1.0, most=1.0)
+    )
+    assert judged == 6
+    assert point.error.median == 0.5
+    assert [point.more[kind] for kind in ("missed", "phantom", "farther")] == [1, 1, 1]
+    assert point.more["worst_dt"] == pytest.approx(0.02)
+    assert point.more["mean_dt"] == pytest.approx(0.02 / 3)
+    assert point.more["worst_residual"] == 0.25
+    assert point.more["mean_angle"] == pytest.approx(20.0)
 
 
 class TestHits:

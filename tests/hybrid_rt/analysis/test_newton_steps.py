@@ -7,10 +7,10 @@ import pytest
 
 from hybrid_rt.analysis.methods import size_of
 from hybrid_rt.analysis.newton_steps import SteppedHits
+from hybrid_rt.analysis.ray_sets import camera
 from hybrid_rt.demo import teapot
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.primitives import Sphere
-from hybrid_rt.verify.cases.rays import camera
 from meshing import BezierPatches, SurfaceOfRevolution
 
 # Two cubic arcs: a barrel of radius near 1, open at both ends.

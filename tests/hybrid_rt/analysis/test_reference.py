@@ -14,7 +14,7 @@ from hybrid_rt.primitives import Plane, Rectangle, Sphere
 from hybrid_rt.primitives.torus import Torus
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
-from hybrid_rt.verify.light.light_tracer import BEHIND_PANE
+from proof.light.light_tracer import BEHIND_PANE
 
 
 class TestReference:

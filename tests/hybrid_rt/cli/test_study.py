@@ -232,6 +232,22 @@ def test_hits_on_trimmed_surfaces_are_measured(run, tmp_path):
     assert "left out" not in captured.err
 
 
+def test_first_hits_of_closed_forms_are_timed(run, tmp_path):
+    """A torus is never tessellated: what there is to compare is the cost of its certified hits."""
+    script = SCRIPT.replace(
+        "from meshing import SurfaceOfRevolution", "from hybrid_rt import Torus"
+    )
+    start, _, rest = script.partition("    tube = ")
+    rest = rest.partition("\n")[2]
+    (tmp_path / "ring.py").write_text(
+        f"{start}    tube = Torus((0, 0, 0), (1, 0, 0), 1, 0.3)\n{rest}"
+    )
+    code, captured = run(f"ring.py {SMALL} --only hits")
+    assert code == 0
+    assert "Exact first hits cost" in captured.out
+    assert "nothing to tessellate" in captured.out
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
@@ -258,7 +274,7 @@ def test_hits_on_trimmed_surfaces_are_measured(run, tmp_path):
         (
             "flat.py --only hits",
             2,
-            "flat.py has neither patches nor a surface of revolution, whose hits are",
+            "flat.py has no surface that ends, whose first hits could be timed: leave out --only",
         ),
     ],
 )

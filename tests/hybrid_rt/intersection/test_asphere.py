@@ -9,8 +9,8 @@ import pytest
 from mpmath import mp
 
 from hybrid_rt import Asphere, Intersector, Sphere, Status, SurfaceOfRevolution, reflect
-from hybrid_rt.verify.judges.judge import compare
-from hybrid_rt.verify.judges.oracle import first_hits
+from proof.judges.judge import compare
+from proof.judges.oracle import first_hits
 
 ASPHERES = {
     "hyperboloid": Asphere(10, -2.25, [], 22, (0.2, -0.1, 0.3), (0.3, -0.2, 1)),

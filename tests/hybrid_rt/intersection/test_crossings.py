@@ -8,9 +8,9 @@ from trimesh.ray.ray_pyembree import RayMeshIntersector as Embree
 from hybrid_rt import Box, Intersector, Sphere, TriangleMesh
 from hybrid_rt.demo import teapot, vase
 from hybrid_rt.trimesh_adapter import RayMeshIntersector
-from hybrid_rt.verify.cases.campaign import ellipsoid, torus
-from hybrid_rt.verify.cases.rays import chords, edges
 from meshing import SurfaceOfRevolution
+from proof.cases.campaign import ellipsoid, torus
+from proof.cases.rays import chords, edges
 
 CLOSED = {
     "torus": torus,

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 import pytest
 
-from hybrid_rt.benchmarks.embree_newton import Rival, buffers, evaluate_with_numpy
+from benchmarks.embree_newton import Rival, buffers, evaluate_with_numpy
 from hybrid_rt.intersection.kernels.patch.bicubic import evaluate_bicubic_plain
 from hybrid_rt.intersection.kernels.patch.skew_box import (
     LOWER,
@@ -164,9 +164,9 @@ def test_keys_order_as_floats_do():
 
 def test_the_rival_finds_what_a_plain_newton_finds():
     from hybrid_rt import Intersector
+    from hybrid_rt.analysis.ray_sets import at_box
     from hybrid_rt.demo import teapot
     from hybrid_rt.intersection.hit_errors import certified_hits, compare
-    from hybrid_rt.verify.cases.rays import at_box
 
     surface = teapot()
     rays, out = at_box([surface], 5000, seed=6), buffers(5000)

@@ -9,8 +9,8 @@ import pytest
 from hybrid_rt.core.records import Flag, Status
 from hybrid_rt.demo import teapot
 from hybrid_rt.intersection import Intersector
-from hybrid_rt.verify.cases.rational_surfaces import nurbs_sphere, octants
 from meshing import BezierPatches
+from proof.cases.rational_surfaces import nurbs_sphere, octants
 
 EPS = 2.0**-52
 DISTANCES = (0.0, 1e-16, 1e-14, 1e-13, 1e-11, 1e-9, 1e-6, 1e-3)

@@ -13,13 +13,13 @@ import pytest
 import trimesh
 
 from hybrid_rt import Intersector, Sphere, Status, TriangleMesh
+from hybrid_rt.analysis.ray_sets import at_box
 from hybrid_rt.demo import teapot
 from hybrid_rt.intersection.kernels.patch.evaluate import evaluate
 from hybrid_rt.intersection.kernels.patch.nets import restrict
 from hybrid_rt.intersection.kernels.patch.solve import rounding_of_root
 from hybrid_rt.intersection.kernels.patch.subdivide import normals_of, rounding_of_net
 from hybrid_rt.intersection.kernels.search.tolerances import UNIT_ROUNDOFF
-from hybrid_rt.verify.cases.rays import at_box
 from meshing import BezierPatches, tessellate
 
 Wide = np.longdouble

@@ -8,8 +8,8 @@ from rational_surfaces import bumpy, cylinder, octant, petal, sphere
 from hybrid_rt import Intersector, Status
 from hybrid_rt.intersection.kernels.patch import bicubic
 from hybrid_rt.lights.cells import Cells
-from hybrid_rt.verify.exact.judge import ExactJudge
 from meshing import BezierPatches, NurbsSurface, tessellate
+from proof.exact.judge import ExactJudge
 
 EPS = 2.0**-52
 COLUMNS = ("t", "object_id", "patch_id", "u", "v", "position", "normal", "status", "t_bound")

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from hybrid_rt import Intersector, Sphere, Status, Torus
-from hybrid_rt.verify.cases.singular_campaign import run_set
-from hybrid_rt.verify.cases.singular_surfaces import rational_torus
 from meshing import Cone, Cylinder, SurfaceOfRevolution, circular_arc
+from proof.cases.singular_campaign import run_set
+from proof.cases.singular_surfaces import rational_torus
 
 AXIS = np.array([0.3, -0.2, 1.0])
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hybrid_rt import Box, Intersector, Status, Torus
-from hybrid_rt.verify.judges.judge import compare
-from hybrid_rt.verify.judges.oracle import first_hits
+from proof.judges.judge import compare
+from proof.judges.oracle import first_hits
 
 TORI = {
     "ring": Torus((0.2, -0.1, 0.3), (0.3, -0.2, 1), 1, 0.4),

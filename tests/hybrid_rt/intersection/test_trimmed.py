@@ -28,7 +28,6 @@ from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kernels.search.axial_trims import rough_share
 from hybrid_rt.intersection.kinds.patches import PatchKind
 from hybrid_rt.trimesh_adapter import RayMeshIntersector
-from hybrid_rt.verify.exact.judge import ExactJudge
 from meshing import (
     BezierPatches,
     Cylinder,
@@ -37,6 +36,7 @@ from meshing import (
     circle,
     polygon,
 )
+from proof.exact.judge import ExactJudge
 
 SURFACES = {
     "plate": plate, "bumpy": bumpy, "sheet": sheet, "ball_piece": ball_piece,

@@ -5,7 +5,6 @@ import pytest
 from trimmed_surfaces import OUTLINE, edge_rays, nurbs_torus, nurbs_tube
 
 from hybrid_rt import Intersector, Sphere, Status, Torus
-from hybrid_rt.verify.exact.judge import ExactJudge
 from meshing import (
     BezierPatches,
     Curve2,
@@ -16,6 +15,7 @@ from meshing import (
     circle,
     polygon,
 )
+from proof.exact.judge import ExactJudge
 
 # One eighth of a turn to either side of the seam: there rational quarters are at 45 degrees.
 WINDOW = polygon([(-0.125, 0.25), (0.125, 0.25), (0.125, 0.75), (-0.125, 0.75)])

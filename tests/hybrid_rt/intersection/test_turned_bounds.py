@@ -3,8 +3,8 @@
 import numpy as np
 
 from hybrid_rt import Intersector
-from hybrid_rt.verify.cases.singular_campaign import placed_surfaces
 from meshing import SurfaceOfRevolution
+from proof.cases.singular_campaign import placed_surfaces
 
 
 def hexes(*words):

@@ -7,17 +7,6 @@ import trimesh
 from hybrid_rt import Asphere, Box, Intersector, Plane, Rectangle, Sphere, Torus, TriangleMesh, demo
 from hybrid_rt.intersection.kinds.registry import ENTRIES
 from hybrid_rt.primitives.box import TurnedBox
-from hybrid_rt.verify.cases.rational_surfaces import octants, torn_nurbs
-from hybrid_rt.verify.cases.trimmed_surfaces import (
-    cut_lens,
-    drilled_part,
-    drilled_plate,
-    trimmed_nurbs,
-    trimmed_sheet,
-    windowed_ball,
-    windowed_torus,
-)
-from hybrid_rt.verify.judges.surface_judge import all_judges, judge_of
 from meshing import (
     BezierPatches,
     Cone,
@@ -30,6 +19,17 @@ from meshing import (
 from meshing.bezier import RationalPatches
 from meshing.sheet import PatchSheet
 from meshing.surface import Surface
+from proof.cases.rational_surfaces import octants, torn_nurbs
+from proof.cases.trimmed_surfaces import (
+    cut_lens,
+    drilled_part,
+    drilled_plate,
+    trimmed_nurbs,
+    trimmed_sheet,
+    windowed_ball,
+    windowed_torus,
+)
+from proof.judges.surface_judge import all_judges, judge_of
 
 TURN = np.array([[0, 0, 2, 1], [2, 0, 0, -3], [0, 2, 0, 5], [0, 0, 0, 1]], float)
 SKEW = np.array([[-1, 0.6, 0.2, 1], [0, 1, -0.4, 0], [0.3, 0, 1, 2], [0, 0, 0, 1]])

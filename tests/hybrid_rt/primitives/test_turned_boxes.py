@@ -23,8 +23,8 @@ from hybrid_rt import (
     TriangleMesh,
     render,
 )
-from hybrid_rt.verify.cases.campaign import steps
-from hybrid_rt.verify.judges.many_digits import exact_t
+from proof.cases.campaign import steps
+from proof.judges.many_digits import exact_t
 
 EPS = 2.0**-52
 LO, HI = (-1.0, -0.5, -0.25), (1.0, 1.0, 0.5)

@@ -9,7 +9,7 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 
-from hybrid_rt.benchmarks.photon_truth import PHOTON_PICTURES
+from benchmarks.photon_truth import PHOTON_PICTURES
 from hybrid_rt.integrators import (
     PhotonMapOptions,
     PPMOptions,

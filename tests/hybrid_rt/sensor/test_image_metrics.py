@@ -3,16 +3,12 @@ import math
 import numpy as np
 import pytest
 
-from hybrid_rt.intersection import Intersector
 from hybrid_rt.sensor.image_metrics import (
     noise_of_reference,
     picture_errors,
     relative_mse,
     seconds_to,
 )
-from hybrid_rt.verify.judges.hit_errors import hit_errors
-from hybrid_rt.verify.judges.oracle import first_hits
-from meshing import SurfaceOfRevolution
 
 REFERENCE = np.full((10, 10, 3), 0.3)
 
@@ -81,49 +77,3 @@ class TestPictureErrors:
         image[2, 3, 0] = np.nan
         with pytest.raises(ValueError, match="image has 1 pixels that are not finite"):
             picture_errors(image, REFERENCE)
-
-
-class TestHitErrors:
-    """A tube of radius 1 about z, seen along y, of which everything is known."""
-
-    TUBE = SurfaceOfRevolution([[-1.0, 1.0], [1.0, 1.0]], (0, 0, 0), (0, 0, 1))
-    X = np.array([-1.2, -0.9, -0.5, 0.0, 0.5, 0.9, 1.2])
-    ORIGINS = np.stack([X, np.full(7, -3.0), np.full(7, 0.1)], axis=1)
-    DIRECTIONS = np.tile((0.0, 2.0, 0.0), (7, 1))
-
-    @pytest.fixture
-    def hits(self):
-        return Intersector([self.TUBE]).intersect(self.ORIGINS, self.DIRECTIONS)
-
-    @pytest.fixture
-    def truth(self):
-        return first_hits([self.TUBE], self.ORIGINS, self.DIRECTIONS)
-
-    def test_certified_hits_are_right(self, hits, truth):
-        e = hit_errors(hits, truth)
-        assert (e.wrong_hits.rays, e.wrong_hits.wrong) == (5, 0)
-        assert e.worst_dt < 1e-14
-        assert e.worst_residual < 1e-14
-        assert e.worst_angle < 1e-12
-
-    def test_wrong_decisions_are_told_apart(self, hits, truth):
-        depth = np.sqrt(1 - 0.5**2)
-        hits.t[2] += 2 * depth / 2  # the far side; t counts lengths of 2
-        hits.t[3] = np.inf
-        hits.object_id[3] = -1
-        hits.t[0], hits.object_id[0] = 1.0, 0
-        hits.t[4] += 0.01
-        hits.normal[4] = (1.0, 0.0, 0.0)  # the true one is (1/2, -depth, 0): 60 degrees off
-        hits.residual[5] = 0.25
-        e = hit_errors(hits, truth)
-        assert e.wrong_hits.counts == {"missed": 1, "phantom": 1, "farther": 1}
-        assert (e.wrong_hits.rays, e.wrong_hits.wrong) == (6, 3)
-        assert e.worst_dt == pytest.approx(0.02)
-        assert e.mean_dt == pytest.approx(0.02 / 3)
-        assert e.worst_residual == 0.25
-        assert e.worst_angle == pytest.approx(60.0)
-        assert e.mean_angle == pytest.approx(20.0)
-
-    def test_other_lengths_are_refused(self, hits, truth):
-        with pytest.raises(ValueError, match="3 hits but truth for 7 rays"):
-            hit_errors(hits[:3], truth)

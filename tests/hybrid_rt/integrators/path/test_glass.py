@@ -14,7 +14,7 @@ from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.textures import CheckerTexture
-from hybrid_rt.verify.stability.rows_light_glass import through_layers
+from proof.stability.rows_light_glass import through_layers
 
 WHITE_SKY = GradientSky(1.0, 1.0)
 

@@ -20,8 +20,8 @@ from hybrid_rt.primitives import Rectangle, Sphere
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
-from hybrid_rt.verify.light.light_tracer import BALL, BEHIND_PANE
 from meshing import SurfaceOfRevolution
+from proof.light.light_tracer import BALL, BEHIND_PANE
 
 # A test below decides wrongly once in 1e5 runs with another seed.
 ALARM = 1e-5

@@ -19,8 +19,8 @@ from hybrid_rt import (
     Sphere,
     render,
 )
-from hybrid_rt.verify.stability.row import Effort
-from hybrid_rt.verify.stability.rows_light_rare import DOWN, FLOOR, polished, rare_light
+from proof.stability.row import Effort
+from proof.stability.rows_light_rare import DOWN, FLOOR, polished, rare_light
 
 
 @pytest.mark.statistical

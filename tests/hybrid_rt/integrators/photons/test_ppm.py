@@ -28,7 +28,7 @@ from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.shading.kernels.bsdf import LobeTable
 from hybrid_rt.shading.kernels.lobes.register import WIDE
-from hybrid_rt.verify.light.light_tracer import BALL
+from proof.light.light_tracer import BALL
 
 # A test below decides wrongly once in 1e5 runs with another seed.
 ALARM = 1e-5

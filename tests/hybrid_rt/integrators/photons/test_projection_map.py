@@ -15,8 +15,8 @@ from hybrid_rt.primitives import Box, Rectangle
 from hybrid_rt.scene.compiled import compile_scene
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.shading.kernels.lobes.register import FOLLOWED
-from hybrid_rt.verify.light.light_tracer import CAMERA
 from meshing import SurfaceOfRevolution
+from proof.light.light_tracer import CAMERA
 
 SCENES = Path(__file__).parents[4] / "scenes"
 

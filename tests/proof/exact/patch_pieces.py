@@ -1,0 +1,151 @@
+"""Pieces of a patch as a ray sees it: whole-number coefficients, restricted, halved and grown.
+
+See `proof.exact.patches`.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import flint
+
+# Whole-number matrices of flint.
+Matrix = Any
+
+
+class Piece(NamedTuple):
+    """Coefficients of f beside those of g, and the piece's place: u from a / 2^m on, and so on."""
+
+    both: Matrix
+    a: int
+    m: int
+    b: int
+    n: int
+
+
+@lru_cache(maxsize=256)
+def _halves(degree: int) -> tuple[Matrix, Matrix]:
+    """Return 2^n times the matrices that restrict Bernstein coefficients to either half."""
+    n = degree
+    lower = [
+        [math.comb(i, k) << (n - i) if k <= i else 0 for k in range(n + 1)] for i in range(n + 1)
+    ]
+    upper = [row[::-1] for row in lower[::-1]]
+    return flint.fmpz_mat(lower), flint.fmpz_mat(upper)
+
+
+@lru_cache(maxsize=64)
+def grown(degree: int) -> Matrix:
+    """Return 8^n times the matrix that takes coefficients from [0, 1] to [-1/8, 9/8]."""
+    n = degree
+    rows = []
+    for i in range(n + 1):
+        # Blossom at n - i times -1/8 and i times 9/8: products of (1 - x, x), in eighths.
+        weights = [1]
+        for k in range(n):
+            near, far = (9, -1) if k < n - i else (-1, 9)
+            weights = [
+                (weights[j] * near if j < len(weights) else 0) + (weights[j - 1] * far if j else 0)
+                for j in range(len(weights) + 1)
+            ]
+        rows.append(weights)
+    return flint.fmpz_mat(rows)
+
+
+@lru_cache(maxsize=64)
+def differences(degree: int) -> Matrix:
+    """Return the matrix that takes coefficients to the differences of neighbours."""
+    rows = [[0] * (degree + 1) for _ in range(degree)]
+    for i, row in enumerate(rows):
+        row[i], row[i + 1] = -1, 1
+    return flint.fmpz_mat(rows)
+
+
+@lru_cache(maxsize=4096)
+def _part(degree: int, a: int, m: int) -> Matrix:
+    """Return 2^(m n) times the matrix that restricts coefficients to a / 2^m .. (a + 1) / 2^m."""
+    if m == 0:
+        return flint.fmpz_mat([[int(r == c) for c in range(degree + 1)] for r in range(degree + 1)])
+    return _halves(degree)[a & 1] * _part(degree, a >> 1, m - 1)
+
+
+def restricted(piece: Piece, a: int, i: int, b: int, j: int) -> Piece:
+    """Return a part of a piece: u from a / 2^i to (a + 1) / 2^i of it, and so on."""
+    mu, nv = piece.both.nrows() - 1, piece.both.ncols() // 2 - 1
+    both = _part(mu, a, i) * piece.both
+    if j:
+        both = both * _twice(_part(nv, b, j))
+    return Piece(both, (piece.a << i) + a, piece.m + i, (piece.b << j) + b, piece.n + j)
+
+
+def _twice(matrix: Matrix) -> Matrix:
+    """Return the matrix for both blocks of a `Piece`, side by side, transposed."""
+    n = matrix.nrows()
+    wide = [[0] * (2 * n) for _ in range(2 * n)]
+    for r in range(n):
+        for c in range(n):
+            wide[c][r] = wide[n + c][n + r] = int(matrix[r, c])
+    return flint.fmpz_mat(wide)
+
+
+@lru_cache(maxsize=256)
+def _halves_across(degree: int) -> tuple[Matrix, Matrix]:
+    lower, upper = _halves(degree)
+    return _twice(lower), _twice(upper)
+
+
+@lru_cache(maxsize=64)
+def grown_across(degree: int) -> Matrix:
+    """As `grown`, for both blocks of a `Piece` and along v."""
+    return _twice(grown(degree))
+
+
+def halved(piece: Piece, along_u: bool) -> list[Piece]:
+    """Halve one side of a piece."""
+    mu, nv = piece.both.nrows() - 1, piece.both.ncols() // 2 - 1
+    if (along_u and mu > 0) or nv == 0:
+        lower, upper = (half * piece.both for half in _halves(mu))
+        return [
+            Piece(lower, 2 * piece.a, piece.m + 1, piece.b, piece.n),
+            Piece(upper, 2 * piece.a + 1, piece.m + 1, piece.b, piece.n),
+        ]
+    lower, upper = (piece.both * half for half in _halves_across(nv))
+    return [
+        Piece(lower, piece.a, piece.m, 2 * piece.b, piece.n + 1),
+        Piece(upper, piece.a, piece.m, 2 * piece.b + 1, piece.n + 1),
+    ]
+
+
+def split_in_two(both: Matrix) -> tuple[Matrix, Matrix]:
+    """Return the matrices of f and of g."""
+    first, second = _columns_of_one(both.ncols() // 2)
+    return both * first, both * second
+
+
+@lru_cache(maxsize=64)
+def _columns_of_one(n: int) -> tuple[Matrix, Matrix]:
+    """Return the matrices that choose the first n of 2 n columns, and the last n."""
+    one, zero = [[int(i == j) for j in range(n)] for i in range(n)], [[0] * n] * n
+    return flint.fmpz_mat(one + zero), flint.fmpz_mat(zero + one)
+
+
+def mean_jacobian(a: Matrix, b: Matrix) -> tuple[Any, Any, Any, Any]:
+    """Return f_u, f_v, g_u, g_v at their means, times (m + 1) (n + 1)."""
+    m, n = a.nrows(), a.ncols()
+    rows, columns = _ends_and_sums(m), _ends_and_sums(n).transpose()
+    out = []
+    for matrix in (a, b):
+        sums = rows * matrix * columns
+        out += [sums[0, 1] * m, sums[1, 0] * n]
+    return out[0], out[1], out[2], out[3]
+
+
+@lru_cache(maxsize=64)
+def _ends_and_sums(n: int) -> Matrix:
+    """Return the rows that take n numbers to the last less the first, and to their sum."""
+    ends = [0] * n
+    ends[0] -= 1
+    ends[-1] += 1
+    return flint.fmpz_mat([ends, [1] * n])

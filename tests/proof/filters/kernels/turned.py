@@ -1,0 +1,288 @@
+"""Certain crossings of rays with a surface of revolution: the polynomial in the profile's parameter.
+
+In coordinates (a, x, y) along axis and radii the surface is a = Z(s), x^2 + y^2 = R(s)^2 and the
+ray a line. Where a changes along the ray, t = (Z(s) - a0) / a1 and s is a root of
+
+    F(s) = (a1 x0 + (Z(s) - a0) x1)^2 + (a1 y0 + (Z(s) - a0) y1)^2 - a1^2 R(s)^2,
+
+of degree 2n, in Bernstein form. Nearly across the axis that is badly conditioned. There s hardly
+changes along the ray: Z(s) = a0 + a1 t has one root for every t, within a narrow interval, t is a
+root of a quadratic with an interval for R^2, and both are narrowed in turn.
+"""
+
+import math
+
+from meshing.kernels.jit import hot_kernel, inner
+from proof.filters.kernels.balls import (
+    GROW,
+    minus,
+    most,
+    over,
+    plus,
+    sign,
+    square_root,
+    times,
+)
+from proof.filters.kernels.bernstein import least_slope, solve, steepest, value_at
+from proof.filters.kernels.first import finish, note, nothing, start, unsure
+from proof.filters.kernels.profiles import build, enter, is_clear, is_passed, load, row
+
+# Below this |a1| / |d| the second form is tried first.
+ACROSS = 2.0**-12
+# Pieces of profiles that are narrower are left; steps of the second form.
+SMALLEST = 2.0**-44
+ALTERNATIONS = 8
+# Radii of t above this part of the ball's are loose.
+LOOSE = 2.0**-58
+# How often F is built again, and the narrowest piece for which it is.
+MOST_BUILDS, NARROWEST = 5, 2.0**-51
+
+
+@inner
+def _cosine(line, local, n, x, t, length, work):
+    """Return |n.d| / |d| at a crossing, in float64."""
+    px, py = line[1, 0] + t * line[4, 0], line[2, 0] + t * line[5, 0]
+    rho = math.sqrt(px * px + py * py)
+    dz, _ = least_slope(local[0], 0.0, n, x, 0.0, work[0])
+    dr, _ = least_slope(local[2], 0.0, n, x, 0.0, work[0])
+    speed = math.sqrt(dz * dz + dr * dr)
+    if speed == 0.0 or rho == 0.0:
+        return -1.0
+    slope = dz * (px * line[4, 0] + py * line[5, 0]) / rho - dr * line[3, 0]
+    return abs(slope) / (speed * length)
+
+
+@inner
+def _quadratic(line):
+    """Return A, B, C of x^2 + y^2 = A t^2 + 2 B t + C."""
+    x0, y0, x1, y1 = row(line, 1), row(line, 2), row(line, 4), row(line, 5)
+    a = plus(times(x1, x1), times(y1, y1))
+    b = plus(times(x0, x1), times(y0, y1))
+    return a, b, plus(times(x0, x0), times(y0, y0))
+
+
+@inner
+def _along(quadratic, r):
+    """Return B^2 - A (C - r^2)."""
+    a, b, c = quadratic
+    return plus(minus(times(b, b), times(a, c)), times(a, times(r, r)))
+
+
+@inner
+def _meet(local, n, s, t, line, quadratic, radii, steep, side, work):
+    """Narrow a crossing: t by the quadratic from s, then s by Z(s) = a0 + a1 t; and again.
+
+    The crossing is within the balls s and t; s counts along the piece. Of the two roots of the
+    quadratic that of ``side`` is meant, -1 or 1; 0 is for the one that the ball of t touches.
+    """
+    a, b, _ = quadratic
+    a1 = row(line, 3)
+    for _ in range(ALTERNATIONS):
+        r = value_at(local[2], local[3], radii[1], n, s, steep[1], work)
+        far = square_root(_along(quadratic, r))
+        if not far[2] < math.inf:
+            return s, t
+        here = side
+        if here == 0:
+            gap = plus(times(a, t), b)
+            # The true A t + B is one of both.
+            if abs(gap[0]) / GROW > gap[2] and abs(gap[0]) / GROW > 0.0:
+                here = 1 if gap[0] > 0.0 else -1
+            else:
+                return s, t
+        if here < 0:
+            far = (-far[0], -far[1], far[2])
+        better = over(minus(far, b), a)
+        if not better[2] < 0.5 * t[2]:
+            return s, t
+        t = better
+        slope, least = least_slope(local[0], radii[0], n, s[0], s[2], work[0])
+        if not least > 0.0:
+            return s, t
+        h = value_at(local[0], local[1], radii[0], n, (s[0], s[1], 0.0), 0.0, work)
+        rest = minus(times(a1, t), h)
+        moved = plus((s[0], s[1], 0.0), (rest[0] / slope, 0.0, 0.0))
+        if not abs(moved[0] - s[0]) <= 0.5 * s[2]:
+            return s, t
+        h = value_at(local[0], local[1], radii[0], n, (moved[0], moved[1], 0.0), 0.0, work)
+        wide = most(minus(times(a1, t), h)) / least * GROW
+        if not wide < s[2]:
+            return s, t
+        s = (moved[0], moved[1], wide)
+    return s, t
+
+
+@inner
+def _piece_around(root, s):
+    """Return begin and width of a small dyadic piece that holds one root, with room around it."""
+    begin, width, room = root[4], root[5], 16.0 * s[2]
+    while width > room:
+        half = 0.5 * width
+        if s[0] + room < begin + half:
+            width = half
+        elif s[0] - room > begin + half:
+            begin, width = begin + half, half
+        else:
+            break
+    return begin, width
+
+
+@inner
+def _by_height(surface, p, n, behind, reach, scratch, count, length):
+    """Solve F(s) = 0; return the number of crossings, and from where on there may be more.
+
+    Where rounding leaves pieces open or t loose, F is built again from these pieces of the profile,
+    whose coefficients are smaller. Pieces all of whose t are below ``behind`` are of no interest.
+    """
+    line, local, pieces = scratch.line, scratch.local, scratch.pieces
+    work = scratch.nets[scratch.nets.shape[0] - 2]
+    a1, quadratic, loose = row(line, 3), _quadratic(line), LOOSE * reach
+    if sign(a1) == 0:
+        return count, -math.inf
+    from_t = math.inf
+    pieces[0, 0], pieces[0, 1], pieces[0, 2] = 0.0, 1.0, 0.0
+    n_pieces, next_piece = 1, 0
+    while next_piece < n_pieces:
+        begin, width, age = pieces[next_piece, 0], pieces[next_piece, 1], pieces[next_piece, 2]
+        next_piece += 1
+        radii = load(surface, p, n, begin, width, scratch)
+        steep = steepest(local[0], radii[0], n), steepest(local[2], radii[1], n)
+        radius = build(n, p, radii[0], radii[1], surface, scratch)
+        n_roots, n_unsure = solve(
+            scratch.nets, 2 * n, radius, scratch.roots, scratch.unsure, SMALLEST, scratch.radii,
+            scratch.spans,
+        )  # fmt: skip
+        if n_unsure < 0:
+            return count, -math.inf
+        for k in range(n_roots):
+            s = scratch.roots[k, 0], scratch.roots[k, 1], scratch.roots[k, 2]
+            t = over(value_at(local[0], local[1], radii[0], n, s, steep[0], work), a1)
+            s, t = _meet(local, n, s, t, line, quadratic, radii, steep, 0, work)
+            if t[2] > loose and age < MOST_BUILDS and n_pieces < pieces.shape[0]:
+                x, wide = _piece_around(scratch.roots[k], s)
+                if wide <= 0.25 and width * wide >= NARROWEST:
+                    pieces[n_pieces, 0], pieces[n_pieces, 1] = begin + width * x, width * wide
+                    pieces[n_pieces, 2] = age + 1.0
+                    n_pieces += 1
+                    continue
+            cosine = _cosine(line, local, n, s[0], t[0], length, work)
+            count = note(scratch.crossings, count, t, cosine)
+        for k in range(n_unsure):
+            wide = scratch.unsure[k, 1]
+            x = scratch.unsure[k, 0] + 0.5 * wide
+            t = over(
+                value_at(local[0], local[1], radii[0], n, (x, 0.0, 0.5 * wide), steep[0], work), a1
+            )
+            ends = (t[2] + abs(t[1])) * GROW
+            if t[0] + ends < behind:
+                continue
+            is_smaller = wide <= 0.25 and width * wide >= NARROWEST
+            if is_smaller and age < MOST_BUILDS and n_pieces < pieces.shape[0]:
+                pieces[n_pieces, 0] = begin + width * scratch.unsure[k, 0]
+                pieces[n_pieces, 1], pieces[n_pieces, 2] = width * wide, age + 1.0
+                n_pieces += 1
+            else:
+                from_t = min(from_t, t[0] - ends)
+    return count, from_t
+
+
+@inner
+def _across(surface, p, n, reach, scratch, count, length):
+    """Solve Z(s) = a0 + a1 t for s in an interval, then the quadratic for t; narrow both."""
+    line, local, nets = scratch.line, scratch.local, scratch.nets
+    work = nets[nets.shape[0] - 2]
+    a1 = row(line, 3)
+    radii = load(surface, p, n, 0.0, 1.0, scratch)
+    for k in range(n + 1):
+        nets[0, 0, k], nets[0, 1, k] = local[0, k], local[1, k]
+    n_roots, n_unsure = solve(
+        nets, n, (radii[0] + most(a1) * reach) * GROW, scratch.roots, scratch.unsure, SMALLEST,
+        scratch.radii, scratch.spans,
+    )  # fmt: skip
+    if n_unsure != 0:
+        return count, False
+    if n_roots == 0:
+        return count, True
+    quadratic = _quadratic(line)
+    steep = steepest(local[0], radii[0], n), steepest(local[2], radii[1], n)
+    most_r = 0.0
+    for k in range(n + 1):
+        most_r = max(most_r, abs(local[2, k]))
+    for i in range(n_roots):
+        s = scratch.roots[i, 0], scratch.roots[i, 1], scratch.roots[i, 2]
+        r = value_at(local[2], local[3], radii[1], n, s, steep[1], work)
+        rest = _along(quadratic, r)
+        turn = sign(rest)
+        if turn < 0:
+            continue
+        far = square_root(rest)
+        # Then the distance from the surface rises or falls along the ray near both roots.
+        changes = 2.0 * (far[0] / GROW - far[2]) * scratch.roots[i, 3] > (
+            2.0 * most_r * steep[1] * most(a1) * GROW
+        )
+        if turn == 0 or not changes:
+            return count, False
+        for side in (-1, 1):
+            narrow, t = _meet(
+                local, n, s, (0.0, 0.0, math.inf), line, quadratic, radii, steep, side, work
+            )
+            if not t[2] < math.inf:
+                return count, False
+            cosine = _cosine(line, local, n, narrow[0], t[0], length, work)
+            count = note(scratch.crossings, count, t, cosine)
+    return count, True
+
+
+@inner
+def _ray(surface, o, d, leaves, hit_t, scratch, out):
+    shift, length, along, aside = start(o, d, surface.centre, surface.origin, scratch.away)
+    ball = surface.radius * (1.0 + 1e-6)
+    if aside > ball:
+        nothing(out)
+        return
+    # |t - shift| of all crossings is below this.
+    reach = (along + 1.01 * ball) / length
+    if shift + reach < 0.0 and not leaves:
+        nothing(out)
+        return
+    enter(surface, d, scratch)
+    count, from_t = 0, math.inf
+    behind = -math.inf if leaves else -shift - 2.0**-50 * abs(shift)
+    for p in range(surface.starts.size - 1):
+        begin = surface.starts[p]
+        n = surface.starts[p + 1] - begin - 1
+        if is_clear(surface, begin, n, reach, scratch) or is_passed(surface, p, n, scratch):
+            continue
+        is_settled, before = False, count
+        if abs(scratch.line[3, 0]) < ACROSS * length:
+            count, is_settled = _across(surface, p, n, reach, scratch, count, length)
+        if not is_settled:
+            count, begins = _by_height(surface, p, n, behind, reach, scratch, before, length)
+            from_t = min(from_t, begins)
+    from_t = shift + from_t - 2.0**-50 * abs(shift)
+    if math.isnan(from_t):
+        unsure(out)
+        return
+    finish(
+        scratch.crossings, count, shift, o, length, surface.middle, surface.size, leaves, hit_t,
+        from_t, out,
+    )  # fmt: skip
+
+
+@hot_kernel
+def first_on_turned(surface, origins, directions, leaves, hit_t, scratch, out):
+    """Say of each ray what is certain of its first crossing.
+
+    Parameters
+    ----------
+    surface : Turned
+    origins, directions : (n, 3) float64
+    leaves : (n,) bool
+    hit_t : (n,) float64
+        t of hits on this surface; nan for others.
+    scratch : TurnedScratch
+    out : (n, N_COLUMNS) float64
+        Written.
+    """
+    for i in range(origins.shape[0]):
+        _ray(surface, origins[i], directions[i], leaves[i], hit_t[i], scratch, out[i])

@@ -1,0 +1,116 @@
+"""The filter of surfaces of revolution."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from meshing import SurfaceOfRevolution
+from proof.filters.kernels import profiles, turned
+from proof.filters.kernels.first import N_COLUMNS, UNSURE_FROM
+from proof.filters.surface_filter import (
+    SurfaceFilter,
+    crossings_scratch,
+    double_double,
+    fractions,
+    solver_scratch,
+)
+
+# Highest degree of profiles.
+MOST_DEGREE = 30
+
+
+class RevolutionFilter(SurfaceFilter, of=SurfaceOfRevolution):
+    """Solves for the profile's parameter."""
+
+    surface: SurfaceOfRevolution
+
+    def __init__(self, surface: SurfaceOfRevolution) -> None:
+        super().__init__(surface)
+        # A segment on the axis has no area.
+        segments = [net for net in surface.segments if net[:, 1].any()]
+        points = np.concatenate(segments)
+        lengths = [len(net) for net in segments]
+        height = 0.5 * (points[:, 0].min() + points[:, 0].max())
+        centre = np.asarray(surface.origin) + height * np.asarray(surface.axis)
+        # The centre is rounded, by eps of its coordinates.
+        rounding = 1e-15 * (float(np.abs(surface.origin).max()) + abs(height))
+        radius = float(np.hypot(points[:, 0] - height, points[:, 1]).max())
+        middle, size = self.ball()
+        self._table = profiles.Turned(
+            control=np.ascontiguousarray(points),
+            starts=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
+            weights=np.concatenate([_weights(n - 1) for n in lengths]),
+            duals=double_double(_inverse([surface.axis, surface.radial, surface.binormal])),
+            origin=np.array(surface.origin),
+            centre=centre,
+            radius=radius + rounding,
+            middle=middle,
+            size=size,
+        )
+        degree = max(lengths) - 1
+        self._scratch = profiles.TurnedScratch(
+            **solver_scratch(2 * degree),
+            factors=np.zeros((3, degree + 1, 3)),
+            local=np.zeros((4, degree + 1)),
+            spare=np.zeros((4, degree + 1)),
+            pieces=np.zeros((32, 3)),
+            line=np.zeros((6, 3)),
+            away=np.zeros((3, 3)),
+            crossings=crossings_scratch(),
+        )
+        self._local = SurfaceOfRevolution._from_frame(
+            list(surface.segments), np.zeros(3), surface.axis, surface.radial, surface.weights,
+            surface.u_range,
+        )  # fmt: skip
+
+    def first(
+        self, origins: FloatArray, directions: FloatArray, leaves: BoolArray, hit_t: FloatArray
+    ) -> FloatArray:
+        """Solve the eliminated polynomials of all segments.
+
+        Rational profiles and parts of a turn are left to exact arithmetic.
+        """
+        out = np.zeros((len(origins), N_COLUMNS))
+        if self.surface.is_rational or not self.surface.is_whole_turn:
+            out[:, UNSURE_FROM] = -np.inf
+            return out
+        turned.first_on_turned(self._table, origins, directions, leaves, hit_t, self._scratch, out)
+        return out
+
+    def gap(
+        self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray
+    ) -> FloatArray:
+        """Measure from S(u, v), in coordinates about the surface."""
+        points = self._local.point(u, v, patch)
+        away = np.asarray(self.surface.origin) - origins
+        distance: FloatArray = np.linalg.norm(points + away - along, axis=1)
+        return distance
+
+
+def _weights(n: int) -> FloatArray:
+    """Return the weights of products of Bernstein coefficients, (n + 1, 31, 2)."""
+    weights = np.zeros((n + 1, MOST_DEGREE + 1), dtype=object)
+    for i in range(n + 1):
+        for j in range(i, n + 1):
+            times = 1 if i == j else 2
+            weights[i, j] = Fraction(
+                times * math.comb(n, i) * math.comb(n, j), math.comb(2 * n, i + j)
+            )
+    return double_double(weights)
+
+
+def _inverse(rows: Any) -> Any:
+    """Return the rows of the inverse of a matrix by columns, exactly."""
+    a, b, c = fractions(rows)
+    sides = [_cross(b, c), _cross(c, a), _cross(a, b)]
+    volume = sum(a * sides[0])
+    return np.array([side / volume for side in sides], dtype=object)
+
+
+def _cross(a: Any, b: Any) -> Any:
+    return np.array([a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)], dtype=object)

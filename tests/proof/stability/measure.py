@@ -1,0 +1,301 @@
+"""Compares traced hits with the oracle or closed forms; yields an `Outcome`.
+
+Errors of t are in units of 64 eps x scale / cos. Closed forms replace cosines below `LEAST_COSINE`
+by that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, Status
+from hybrid_rt.intersection import Intersector
+from proof.cases.catalogue import CATALOGUE, MOST_PIECES
+from proof.cases.singular_rays import size_of
+from proof.exact.judge import ExactJudge
+from proof.judges.judge import compare
+from proof.judges.oracle import Truth, first_hits
+from proof.stability.row import Curve, Effort, Outcome
+
+EPS = 2.0**-52
+BAND = 64 * EPS
+# Flatter than the root of the band a crossing is a touch: rounding moves it by sqrt(band x size).
+LEAST_COSINE = float(np.sqrt(2.0 * BAND))
+# The columns of a hit record that two ways to the same answer must share bit by bit.
+COLUMNS = (
+    "t", "object_id", "patch_id", "u", "v", "position", "normal", "front_face", "status", "flags",
+    "t_bound",
+)  # fmt: skip
+DISTANCES = tuple(10.0**-k for k in range(1, 15))
+# A full run traces so many times the rays of a case of the catalogue.
+MORE = 10.0
+# Of the rays of a row, this share may be left open by the oracle and by exact crossings.
+MOST_OPEN = 0.1
+GAVE_UP = "left open by the oracle"
+
+
+def differences(a: HitRecord, b: HitRecord, columns: Sequence[str] = COLUMNS) -> tuple[str, ...]:
+    """Name the columns in which two records differ in any bit."""
+    return tuple(
+        name
+        for name in columns
+        if not np.array_equal(
+            getattr(a, name), getattr(b, name), equal_nan=getattr(a, name).dtype.kind == "f"
+        )
+    )
+
+
+def apart(
+    surface: Any, a: HitRecord, b: HitRecord, origins: FloatArray, directions: FloatArray
+) -> BoolArray:
+    """Tell which rows, TANGENT in neither record, have not the same first hit on one surface.
+
+    Two right answers differ by the sum of their allowed errors at most, 64 eps x scale / cos each.
+    """
+    sure = (a.status != Status.TANGENT) & (b.status != Status.TANGENT)
+    length = np.linalg.norm(directions, axis=1)
+    scale = np.maximum(np.linalg.norm(origins - surface.middle, axis=1), size_of(surface))
+    cosines = [np.abs(np.einsum("ij,ij->i", h.normal, directions)) / length for h in (a, b)]
+    allowed = sum(BAND * scale / np.maximum(cosine, LEAST_COSINE) for cosine in cosines)
+    both = a.hit & b.hit
+    with np.errstate(invalid="ignore"):
+        far = np.abs(a.t - b.t) * length > allowed
+    found: BoolArray = sure & ((a.hit != b.hit) | (both & far))
+    return found
+
+
+WAYS = ("none", "embree")
+
+
+def both_tracers(surfaces: Sequence[Any]) -> list[Intersector]:
+    """Return a tracer without a coarse stage and one with Embree, for several calls of `traced`."""
+    return [Intersector(surfaces, coarse=coarse) for coarse in WAYS]
+
+
+def traced(
+    surfaces: Sequence[Any],
+    origins: FloatArray,
+    directions: FloatArray,
+    *,
+    most_pieces: int = MOST_PIECES,
+    may_give_up: bool = False,
+    ways: Sequence[str] = WAYS,
+    tracers: Sequence[Intersector] | None = None,
+) -> tuple[HitRecord, Outcome]:
+    """Trace rays with both coarse stages, and check invariants of the hits.
+
+    Both stages must give the same bits, no search may be given up (without ``may_give_up``), work
+    is bounded, and normals are unit vectors.
+
+    Parameters
+    ----------
+    tracers : sequence of Intersector, optional
+        One for each of ``ways``, made for these surfaces before; their counts of pieces begin anew.
+    """
+    records, outcome = [], Outcome()
+    for k, coarse in enumerate(ways):
+        tracer = Intersector(surfaces, coarse=coarse) if tracers is None else tracers[k]
+        tracer.forget_counters()
+        records.append(tracer.intersect(origins, directions))
+        work, given_up = tracer.counters["most_pieces"], tracer.counters["given_up"]
+        outcome = replace(outcome, work=max(outcome.work, work))
+        outcome = outcome.checked(work <= most_pieces, f"{work} pieces for one search ({coarse})")
+        words = f"{given_up} searches given up ({coarse})"
+        if may_give_up:
+            notes = (words,) if given_up else ()
+            outcome = replace(outcome, notes=(*outcome.notes, *notes))
+        else:
+            outcome = outcome.checked(given_up == 0, words)
+    hits = records[0]
+    for other in records[1:]:
+        names = differences(hits, other)
+        outcome = outcome.checked(not names, f"coarse stages differ in {', '.join(names)}")
+    normals = hits.normal[hits.hit]
+    is_unit = (
+        np.isfinite(normals).all()
+        and (np.abs(np.linalg.norm(normals, axis=1) - 1.0) <= 1e-14).all()
+    )
+    outcome = outcome.checked(bool(is_unit), "a normal is no unit vector")
+    undecided = int((hits.status == Status.TANGENT).sum())
+    return hits, replace(outcome, rays=len(hits), undecided=undecided)
+
+
+def by_oracle(
+    surfaces: Sequence[Any], origins: FloatArray, directions: FloatArray, **options: Any
+) -> Outcome:
+    """Trace rays and judge them by the oracle; options are those of `traced`."""
+    hits, outcome = traced(surfaces, origins, directions, **options)
+    return outcome + judged(hits, first_hits(surfaces, origins, directions))
+
+
+def judged(hits: HitRecord, truth: Truth) -> Outcome:
+    """Return the outcome of hits by the oracle's truth; the rays are not counted again.
+
+    A row that the oracle calls wrong is checked by exact crossings, and so is one on which it gives up.
+    TANGENT rows count as wrong if the oracle calls them so and their answer is none of those that
+    rounding leaves open; of those on which it gives up that is a note.
+    """
+    verdict = compare(hits, truth)
+    # The oracle is fast, not infallible beside joints: exact crossings confirm what it calls wrong.
+    asked = {**verdict.rows, GAVE_UP: np.flatnonzero(truth.undecided)}
+    wrong, n_open, notes = 0, 0, []
+    for kind, rows in asked.items():
+        found = _by_exact(hits, truth, rows)
+        wrong += len(found["wrong"])
+        # No decision of rows that say TANGENT is guaranteed.
+        n_open += int((hits.status[found["left open"]] != Status.TANGENT).sum())
+        if kind != GAVE_UP:
+            wrong += len(found["TANGENT, wrong"])
+        notes += [f"{kind}, {words}: rays {some[:3]}" for words, some in found.items() if some]
+    outcome = Outcome(
+        wrong=wrong, error=verdict.worst_band if verdict.rays else None,
+        broken=_broken(hits, truth), notes=tuple(notes),
+    )  # fmt: skip
+    outcome = outcome.checked(
+        n_open <= MOST_OPEN * len(hits),
+        f"{n_open} of {len(hits)} rays are left open by both oracles",
+    )
+    return outcome.checked(
+        verdict.worst_gap <= 1.0, f"a point lies {verdict.worst_gap:.3g} bands beside its ray"
+    )
+
+
+def _by_exact(hits: HitRecord, truth: Truth, rows: NDArray[np.int64]) -> dict[str, list[int]]:
+    """Return those rows that are wrong by exact crossings, and those that these leave open."""
+    found: dict[str, list[int]] = {"wrong": [], "TANGENT, wrong": [], "left open": []}
+    if not len(rows):
+        return found
+    judge = ExactJudge(truth.surfaces)
+    for i in rows.tolist():
+        at = slice(i, i + 1)
+        verdict = judge.judge(hits[at], truth.origins[at], truth.directions[at])
+        for words, number in zip(
+            found, (verdict.n_wrong, verdict.wrong_tangent, verdict.left_open), strict=True
+        ):
+            if number:
+                found[words].append(i)
+    return found
+
+
+def _broken(hits: HitRecord, truth: Truth) -> int:
+    """Count |t - exact| above t_bound, by half an ulp of t more, where the root is the same."""
+    same = truth.exact & ~truth.ambiguous & ~truth.undecided
+    same &= (hits.object_id == truth.object_id) & (hits.patch_id == truth.patch_id) & hits.hit
+    with np.errstate(invalid="ignore"):
+        error = np.abs(hits.t - truth.t)
+        slack = truth.band / (np.maximum(truth.cosine, LEAST_COSINE) * truth.length)
+        close = same & (error <= slack)
+    over: BoolArray = error[close] - 0.5 * np.spacing(hits.t[close]) > hits.t_bound[close]
+    return int(over.sum())
+
+
+def by_times(
+    surfaces: Sequence[Any],
+    origins: FloatArray,
+    directions: FloatArray,
+    t: FloatArray,
+    *,
+    most_error: float | None = None,
+    **options: Any,
+) -> Outcome:
+    """Trace rays and compare with first hits in closed form, inf for a miss.
+
+    Parameters
+    ----------
+    most_error : float, optional
+        As in a `Case` of the catalogue.
+    """
+    hits, outcome = traced(surfaces, origins, directions, **options)
+    largest = np.abs(directions).max(axis=1)  # squares of 1e300 overflow
+    length = largest * np.linalg.norm(directions / largest[:, None], axis=1)
+    sizes = np.array([size_of(surface) for surface in surfaces])
+    middles = np.array([surface.middle for surface in surfaces])
+    sure = hits.status != Status.TANGENT
+    wrong = sure & (np.isfinite(t) != hits.hit)
+    both = np.flatnonzero(sure & hits.hit & np.isfinite(t))
+    number = hits.object_id[both]
+    away = np.linalg.norm(origins[both] - middles[number], axis=1)
+    scale = np.maximum(away, sizes[number])
+    unit = directions[both] / length[both, None]
+    cosine = np.abs(np.einsum("ij,ij->i", hits.normal[both], unit))
+    error = np.abs(hits.t[both] - t[both]) * length[both]
+    allowed = BAND * scale / np.maximum(cosine, LEAST_COSINE)
+    if most_error is not None:
+        way = np.maximum(t[both] * length[both], 1.0)
+        allowed = np.minimum(allowed, most_error * way / np.maximum(cosine, LEAST_COSINE))
+    # t in closed form is rounded: half an ulp is not the tracer's.
+    over = np.abs(hits.t[both] - t[both]) - np.spacing(np.abs(t[both])) > hits.t_bound[both]
+    return outcome + Outcome(
+        wrong=int(wrong.sum()), error=float((error / allowed).max(initial=0.0)),
+        broken=int(over.sum()),
+    )  # fmt: skip
+
+
+def catalogue(case_id: str, effort: Effort) -> Outcome:
+    """Run the cases of the catalogue with an id: by given distances, or by the oracle."""
+    total = Outcome()
+    cases = [case for case in CATALOGUE if case.id == case_id]
+    if not cases:
+        raise ValueError(f"{case_id}: no case of the catalogue")
+    for case in cases:
+        surfaces = case.surfaces()
+        origins, directions = case.rays(surfaces, MORE * effort.factor, effort.seed)
+        if case.t is None:
+            found = by_oracle(surfaces, origins, directions, most_pieces=case.most_pieces)
+        else:
+            found = by_times(
+                surfaces, origins, directions, case.t(origins, directions),
+                most_error=case.most_error, most_pieces=case.most_pieces,
+            )  # fmt: skip
+            undecided = found.undecided
+            found = found.checked(
+                undecided < 0.2 * found.rays, f"{case.name}: {undecided} rays are undecided"
+            )
+        total = total + found
+    return total
+
+
+@dataclass
+class Plot:
+    """A curve under construction.
+
+    Attributes
+    ----------
+    against, label, unit : str
+        As in `Curve`.
+    """
+
+    against: str
+    label: str
+    unit: str = "size"
+    x: list[float] = field(default_factory=list)
+    error: list[float] = field(default_factory=list)
+    expected: list[float] = field(default_factory=list)
+    work: list[float] = field(default_factory=list)
+
+    def add(self, x: float, error: FloatArray, expected: FloatArray, work: float = 0.0) -> Outcome:
+        """Add a point: the largest of some errors, and what is expected of that one."""
+        if len(error):
+            k = int(np.argmax(error))
+            self.x.append(float(x))
+            self.error.append(float(error[k]))
+            self.expected.append(float(expected[k]))
+            self.work.append(float(work))
+        # No error where none is expected is none; any other one is too large.
+        none = np.where(error == 0.0, 0.0, np.inf)
+        ratio = np.divide(error, expected, out=none, where=expected > 0.0)
+        return Outcome(error=float(ratio.max(initial=0.0)))
+
+    @property
+    def curve(self) -> Curve:
+        """The curve as it is now."""
+        work = self.work if any(self.work) else []
+        return Curve(
+            self.against, self.label, list(self.x), list(self.error), list(self.expected),
+            list(work), self.unit,
+        )  # fmt: skip

@@ -1,0 +1,222 @@
+"""Compares traced hits with exact crossings; yields an `Outcome`, with errors of t in units of the band."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, Status
+from hybrid_rt.intersection import Intersector
+from meshing import BezierPatches
+from proof.cases.singular_campaign import placed_surfaces, trace_cell
+from proof.cases.singular_rays import size_of
+from proof.exact.crossings import POINT, bits, norm, rational
+from proof.exact.judge import BatchVerdict, ExactJudge
+from proof.exact.truth import ExactScene, same_place
+from proof.stability.measure import DISTANCES, Plot, traced
+from proof.stability.row import Effort, Outcome
+
+# A mark is looked at again with rays moved by so many bands, to so many sides.
+MOVES, SIDES = (0.5, 1.0, 2.0, 4.0), 16
+
+
+def verdict_outcome(verdict: BatchVerdict, marks: bool = True) -> Outcome:
+    """Return the outcome of a verdict by exact crossings.
+
+    Parameters
+    ----------
+    marks : bool
+        Whether TANGENT is a fault if no moved ray has another first hit. Features thinner than the
+        spacing of the moved rays escape that test.
+    """
+    outcome = Outcome(
+        rays=verdict.rays, wrong=verdict.n_wrong, error=verdict.worst_error / 64.0,
+        broken=verdict.bounds_broken, undecided=verdict.tangent,
+    )  # fmt: skip
+    needless = verdict.tangent_needlessly
+    for number, words in (
+        (verdict.off_ray, "points beside the ray by more than the band"),
+        (verdict.off_ray_tangent, "points of rows TANGENT farther from the ray than is guaranteed"),
+        (verdict.unmarked, "decisions within rounding without the mark TANGENT"),
+        (needless * marks, "marks TANGENT without need"),
+    ):
+        outcome = outcome.checked(number == 0, f"{number} {words}")
+    for number, words in (
+        (needless * (not marks), "marks TANGENT of which no ray around says why"),
+        (verdict.wrong_tangent, "rows TANGENT with another first hit than any right one"),
+        (verdict.left_open, "rays left open by the oracle"),
+    ):
+        if number:
+            outcome = replace(outcome, notes=(*outcome.notes, f"{number} {words}"))
+    return outcome
+
+
+def exact_verdict(
+    judge: ExactJudge,
+    hits: HitRecord,
+    origins: FloatArray,
+    directions: FloatArray,
+    near: float = 0.0,
+    leaves: IntArray | None = None,
+) -> BatchVerdict:
+    """Judge hits by exact crossings, and check doubtful TANGENT verdicts a second time.
+
+    The judge moves a ray in eight directions by one length. TANGENT is needless only if none of the
+    rays of `MOVES` has another first hit either, and no corner of a patch lies within four bands of
+    the ray: seen edge-on it is a needle that moved rays miss. TANGENT is missing only if no surface lies within
+    the band of the origin: there t > 0 itself is decided by rounding, and no mark is promised.
+    """
+    total = BatchVerdict()
+    for i in range(len(hits)):
+        row, o, d = hits[i : i + 1], origins[i : i + 1], directions[i : i + 1]
+        left = None if leaves is None else leaves[i : i + 1]
+        one = judge.judge(row, o, d, distance=np.array([near]), leaves=left)
+        if one.tangent_needlessly and (
+            _passes_a_corner(judge.scene, o[0], d[0]) or _is_decided_nearby(judge.scene, o[0], d[0])
+        ):
+            one.tangent_needlessly, one.examples = 0, {}
+        if one.unmarked and _begins_within_the_band(judge.scene, o[0], d[0]):
+            one.unmarked, one.examples = 0, {}
+        one.examples = {fault: [i] for fault in one.examples}
+        total = total + one
+    return total
+
+
+def _passes_a_corner(scene: ExactScene, o: FloatArray, d: FloatArray) -> bool:
+    """Tell whether the ray passes a corner of a Bezier patch within four bands."""
+    along = d / norm(d)
+    for k, surface in enumerate(scene.surfaces):
+        if isinstance(surface, BezierPatches):
+            away = (
+                np.concatenate(
+                    [
+                        net[:: len(net) - 1, :: len(net[0]) - 1].reshape(-1, 3)
+                        for net in surface.patches
+                    ]
+                )
+                - o
+            )
+            beside = away - np.outer(away @ along, along)
+            if (np.linalg.norm(beside, axis=1) <= 4.0 * scene.band(k, o, d, 0.0)).any():
+                return True
+    return False
+
+
+def _is_decided_nearby(scene: ExactScene, o: FloatArray, d: FloatArray) -> bool:
+    """Tell whether some ray moved by up to four bands has another first hit."""
+    length, band = norm(d), max(scene.band(k, o, d, 0.0) for k in range(len(scene.surfaces)))
+    first = next((one for one in scene.crossings(o, d) if one.t > 0.0), None)
+    p, q = (np.array(x) / (1.3 * band) for x in scene.shifts(d, 1.3 * band)[:3:2])
+    for bands in MOVES:
+        for turn in np.arange(SIDES) * (2.0 * np.pi / SIDES):
+            shift = bands * band * (np.cos(turn) * p + np.sin(turn) * q)
+            other = next((x for x in scene.crossings(o, d, shift.tolist()) if x.t > 0.0), None)
+            if (first is None) != (other is None):
+                return True
+            if first is not None and other is not None:
+                same = first.object_id == other.object_id
+                if not (same and same_place(first, other, bands * band, length)):
+                    return True
+    return False
+
+
+def _begins_within_the_band(scene: ExactScene, o: FloatArray, d: FloatArray) -> bool:
+    """Tell whether the ray, or one around it, meets a surface within a band of its origin."""
+    length = norm(d)
+    found = [one for ring in scene.around(o, d, 1.0) for one in ring]
+    return any(abs(one.t) * length * one.cosine <= one.band for one in found)
+
+
+def by_exact(
+    surfaces: Sequence[Any], origins: FloatArray, directions: FloatArray, **options: Any
+) -> Outcome:
+    """Trace rays and judge them by exact crossings; options are those of `traced`."""
+    hits, outcome = traced(surfaces, origins, directions, **options)
+    verdict = exact_verdict(ExactJudge(surfaces), hits, origins, directions)
+    found = replace(verdict_outcome(verdict), rays=0, undecided=0)
+    if not found.holds:
+        found = replace(found, notes=(*found.notes, f"rays {verdict.examples}"))
+    return outcome + found
+
+
+def exact_errors(
+    scene: ExactScene, hits: HitRecord, origins: FloatArray, directions: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return |t - exact t| |d| of HIT rows, and 64 eps x scale / cos; both in scene units."""
+    errors, expected = [], []
+    for i in np.flatnonzero(hits.status == Status.HIT):
+        t, length = float(hits.t[i]), norm(directions[i])
+        own = [
+            one
+            for one in scene.crossings(origins[i], directions[i])
+            if one.object_id == hits.object_id[i] and one.crossing.kind == POINT
+        ]
+        if not own:
+            continue
+        with bits(512):
+            gaps = [(float(abs(one.crossing.t - rational(t)).upper()), one) for one in own]
+        gap, one = min(gaps, key=lambda pair: pair[0])
+        errors.append(gap * length)
+        expected.append(one.band / one.cosine)
+    return np.array(errors), np.array(expected)
+
+
+def by_set(
+    name: str,
+    effort: Effort,
+    rays: int,
+    *,
+    against: str,
+    distances: Sequence[float] = DISTANCES,
+    placement: str = "home",
+    least: int = 1,
+    marks: bool = True,
+    from_afar: bool = False,
+) -> Outcome:
+    """Judge rays of a singular set by exact crossings at several distances; adds a curve.
+
+    Parameters
+    ----------
+    name : str, one of `SETS`
+    rays : int
+        At each distance, in a full run.
+    against : str
+        What the distance is.
+    marks : bool
+        As in `verdict_outcome`.
+    from_afar : bool
+        Whether all rays begin at least a third of the size away.
+    """
+    surfaces = placed_surfaces(name, placement)
+    size = size_of(surfaces[0])
+    tracer, judge = Intersector(surfaces, coarse="none", threads=1), ExactJudge(surfaces)
+    plot, total = Plot(against, name), Outcome()
+    for distance in distances:
+        tracer.counters["most_pieces"] = tracer.counters["given_up"] = 0
+        n = effort.count(rays, least)
+        cell = trace_cell(tracer, name, distance, placement, n, effort.seed)
+        if from_afar:
+            back = size * effort.rng().uniform(0.3, 3.0, (n, 1))
+            origins = cell.origins - back * cell.directions
+            cell = replace(cell, origins=origins, hits=tracer.intersect(origins, cell.directions))
+        leaves = None if cell.source is None else cell.source.object_id
+        verdict = exact_verdict(
+            judge, cell.hits, cell.origins, cell.directions, cell.distance, leaves
+        )
+        work = tracer.counters["most_pieces"]
+        found = replace(verdict_outcome(verdict, marks), work=work)
+        if tracer.counters["given_up"]:
+            words = f"{tracer.counters['given_up']} searches given up at {distance:.0e}"
+            found = replace(found, notes=(*found.notes, words))
+        if not found.holds:
+            seen = {fault: rows[:2] for fault, rows in verdict.examples.items()}
+            where = f"{name}, {distance:.0e}, {placement}, {n} rays, seed {effort.seed}: {seen}"
+            found = replace(found, notes=(*found.notes, where))
+        total = total + found
+        if cell.source is None:
+            error, expected = exact_errors(judge.scene, cell.hits, cell.origins, cell.directions)
+            total = total + plot.add(distance, error / size, expected / size, work)
+    return replace(total, curves=(plot.curve,)) if plot.x else total

@@ -1,0 +1,270 @@
+"""Rows A06 to A14, A16 and A32: degrees, degenerate and touching patches, nets that are refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+from functools import partial
+from math import comb, hypot
+
+import numpy as np
+
+from hybrid_rt.analysis.ray_sets import unit
+from hybrid_rt.core.records import FloatArray, Status
+from hybrid_rt.demo import teapot
+from hybrid_rt.intersection import Intersector
+from hybrid_rt.primitives import Rectangle
+from meshing import BezierPatches, SurfaceOfRevolution
+from proof.cases.catalogue import (
+    cuspidal_edge,
+    loop_sheet,
+    saddle,
+)
+from proof.cases.rays import chords
+from proof.exact.truth import ExactScene
+from proof.judges.oracle import first_hits
+from proof.stability.measure import (
+    EPS,
+    Plot,
+    apart,
+    by_times,
+    catalogue,
+    judged,
+    traced,
+)
+from proof.stability.measure_exact import by_exact, by_set, exact_errors
+from proof.stability.patch_nets import bumpy_chords, bumpy_net, elevated, flat_net
+from proof.stability.row import Effort, Outcome, refusal, row
+
+DEGREES = (1, 2, 3, 5, 8, 12, 17, 23, 30)
+
+
+@row("A06", "degree up to 30 x 30", "exact crossings of the same surface at low degree; fractions")
+def high_degrees(effort: Effort) -> Outcome:
+    """A bilinear and a bicubic patch with degrees raised: the same hits as exact ones before."""
+    total, curves = Outcome(), []
+    n = effort.count(200, 8)
+    for net, label in ((saddle().patches[0], "bilinear"), (bumpy_net(), "bicubic")):
+        own = len(net) - 1
+        surface = BezierPatches([net])
+        scene, size = ExactScene([surface]), float(np.linalg.norm(np.ptp(surface.bounds, axis=0)))
+        plot = Plot("degree", f"{label} patch, degree raised")
+        origins, directions = bumpy_chords(n if own == 1 else max(n // 3, 4), effort.rng(own))
+        if own == 1:
+            origins, directions = 1.5 * (origins - 0.5), 1.5 * directions
+        low = Intersector([surface], coarse="none").intersect(origins, directions)
+        for degree in (d for d in DEGREES if d >= own):
+            raised = BezierPatches([elevated(net, degree - own)])
+            tracer = Intersector([raised], coarse="none")
+            hits = tracer.intersect(origins, directions)
+            error, expected = exact_errors(scene, hits, origins, directions)
+            work = tracer.counters["most_pieces"]
+            wrong = apart(surface, low, hits, origins, directions)
+            total += Outcome(
+                rays=len(hits), wrong=int(wrong.sum()), work=work,
+                undecided=int((hits.status == Status.TANGENT).sum()),
+            )  # fmt: skip
+            total += plot.add(degree, error / size, expected / size, work)
+        curves.append(plot.curve)
+    return replace(total, curves=tuple(curves)) + _point_of_degree_30(effort)
+
+
+def _point_of_degree_30(effort: Effort) -> Outcome:
+    """S(u, v) of a random net of degree 30 against fractions: 2 (m + n) roundings."""
+    n, rng = 30, effort.rng(30)
+    net = rng.normal(size=(n + 1, n + 1, 3))
+    surface, worst, count = BezierPatches([net]), 0.0, effort.count(20, 1)
+    exact = [[[Fraction(float(x)) for x in p] for p in line] for line in net]
+    for u, v in rng.random((count, 2)):
+        a, b = (
+            [comb(n, k) * Fraction(s) ** k * (1 - Fraction(s)) ** (n - k) for k in range(n + 1)]
+            for s in (float(u), float(v))
+        )
+        point = [
+            sum(x * y * exact[i][j][c] for i, x in enumerate(a) for j, y in enumerate(b))
+            for c in range(3)
+        ]
+        found = surface.point(np.array([u]), np.array([v]), np.array([0]))[0]
+        gap = hypot(*(float(Fraction(float(x)) - y) for x, y in zip(found, point, strict=True)))
+        worst = max(worst, gap)
+    allowed = 4 * n * EPS * float(np.linalg.norm(net, axis=-1).max())
+    return Outcome(rays=count, error=worst / allowed)
+
+
+@row("A07", "degree 0 in one direction", "refusal")
+def curves_are_refused(effort: Effort) -> Outcome:
+    """A curve is no surface."""
+    rng = effort.rng()
+    return sum(
+        (
+            refusal(
+                partial(BezierPatches, rng.random(shape)), "degree 0 in", "would make it a curve"
+            )
+            for shape in ((1, 1, 4, 3), (1, 4, 1, 3))
+        ),
+        Outcome(),
+    )
+
+
+@row("A08", "collapsed edge", "oracle; exact crossings; closed form")
+def collapsed_edges(effort: Effort) -> Outcome:
+    """The apex of the teapot's lid: through it, and 1e-1 to 1e-14 beside."""
+    total = catalogue("A08", effort)
+    apex = np.array([0.0, 0.0, 3.15])
+    n = effort.count(2000, 16)
+    directions = unit(effort.rng(1).normal(size=(n, 3)) * (0.2, 0.2, 1.0))
+    directions[:, 2] = -np.abs(directions[:, 2])
+    # From above the apex itself comes first: the knob is convex there.
+    total += by_times(
+        [teapot()], apex - 3.0 * directions, directions, np.full(n, 3.0), most_pieces=500
+    )
+    # Some of these graze the lid as well: that is the work of a tangent.
+    near = by_set("apex of the lid", effort, 12, against="distance from a collapsed apex / size")
+    return (total + near).checked(near.work < 5000, f"{near.work} pieces beside the apex")
+
+
+@row("A09", "patch collapsed to a curve or a point", "refusal")
+def no_area(effort: Effort) -> Outcome:
+    """Refused by default; the message names the patch."""
+    del effort
+    return sum(
+        (
+            refusal(partial(BezierPatches, [flat_net(), net]), "patch 1 has no area")
+            for net in (np.ones((4, 4, 3)), flat_net()[:, :1].repeat(4, axis=1))
+        ),
+        Outcome(),
+    )
+
+
+@row("A10", "cusp inside a patch", "oracle; exact crossings")
+def cusps(effort: Effort) -> Outcome:
+    """(s^2, s^3) drawn along z: aimed at its edge and beside."""
+    total = catalogue("A10", effort)
+    total += by_set("cuspidal edge", effort, 20, against="distance from a cusp / size")
+    n, rng = effort.count(5000, 50), effort.rng()
+    targets = np.stack([np.zeros(n), np.zeros(n), rng.uniform(0.01, 0.99, n)], axis=1)
+    directions = unit(rng.normal(size=(n, 3)))
+    hits, found = traced([cuspidal_edge()], targets - 2.0 * directions, directions)
+    # With s = 2 u - 1 the normal is along (3 s, -2, 0), up to its sign: also at s = 0.
+    s = 2.0 * hits.u[hits.hit] - 1.0
+    normal = unit(np.stack([3.0 * s, np.full_like(s, -2.0), np.zeros_like(s)], axis=1))
+    # Rounding of a normal that is as short as s.
+    allowed = 1e-9 + 16 * EPS / np.maximum(np.abs(s), EPS)
+    off = np.linalg.norm(np.cross(normal, hits.normal[hits.hit]), axis=1) > allowed
+    return total + found + Outcome(wrong=int(off.sum()))
+
+
+@row("A11", "patch through itself", "oracle; exact crossings")
+def self_crossing(effort: Effort) -> Outcome:
+    """The nearest sheet of a loop drawn along z."""
+    rays = chords([loop_sheet()], effort.count(150, 8), seed=effort.seed + 5)
+    return catalogue("A11", effort) + by_exact([loop_sheet()], rays.origins, rays.directions)
+
+
+@row("A12", "two coincident patches", "closed form; oracle")
+def coincident(effort: Effort) -> Outcome:
+    """The lower object is hit, whatever the order."""
+    total = catalogue("A12", effort)
+    flat = [
+        BezierPatches([flat_net()]),
+        BezierPatches([flat_net()]),
+        Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0)),
+    ]
+    n = effort.count(5000, 50)
+    targets = effort.rng().uniform((-0.9, -0.9, 0), (0.9, 0.9, 0), (n, 3))
+    for order in ((0, 1, 2), (2, 1, 0)):
+        hits, found = traced(
+            [flat[k] for k in order],
+            targets + np.array([0.0, 0.0, 3.0]),
+            np.tile((0.0, 0.0, -1.0), (n, 1)),
+        )
+        total += found + Outcome(wrong=int(((hits.t != 3.0) | (hits.object_id != 0)).sum()))
+    return total
+
+
+@row("A13", "shared edges and corners", "oracle; no ray may pass")
+def shared_edges(effort: Effort) -> Outcome:
+    """10^5 rays from above at the inner edges of a sheet of 16 patches: none passes."""
+    total = catalogue("A13", effort)
+    sheet = _cut_up(bumpy_net(seed=4), 4)
+    surface, n, rng = BezierPatches(sheet), effort.count(100_000, 500), effort.rng(1)
+    patch, at, along = rng.integers(16, size=n), rng.integers(4, size=n), rng.random(n)
+    along = np.where(rng.random(n) < 0.25, np.round(along), along)
+    u, v = np.where(at < 2, at, along), np.where(at < 2, along, at - 2)
+    targets = surface.point(u.astype(float), v.astype(float), patch)
+    directions = rng.normal(size=(n, 3)) * (0.1, 0.1, 1.0) - (0, 0, 3)
+    hits, found = traced([surface], targets - 2.0 * directions, directions)
+    border = (np.abs(targets[:, :2] - 0.5) > 0.5 - 1e-9).any(axis=1)
+    passed = ~border & ~(hits.hit & (hits.t <= 2.0 + 1e-12))
+    return total + found + Outcome(wrong=int(passed.sum()))
+
+
+def _cut_up(net: FloatArray, n: int) -> list[FloatArray]:
+    """Cut a patch into n x n, so that neighbours share their edges' control points."""
+
+    def halves(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        left, right = [points[0]], [points[-1]]
+        while len(points) > 1:
+            points = 0.5 * (points[:-1] + points[1:])
+            left.append(points[0])
+            right.append(points[-1])
+        return np.stack(left), np.stack(right[::-1])
+
+    nets = [net]
+    while len(nets) < n * n:
+        nets = [part for one in nets for part in halves(one)]
+        nets = [part.swapaxes(0, 1) for one in nets for part in halves(one.swapaxes(0, 1))]
+    return nets
+
+
+@row("A14", "neighbours with different subdivision", "closed form")
+def t_junction(effort: Effort) -> Outcome:
+    """One patch, its neighbour in two halves: no ray passes where they meet."""
+    upper, lower = flat_net(), flat_net()
+    upper[..., 0] = lower[..., 0] = 2 + flat_net()[..., 0]
+    upper[..., 1] = 0.5 + 0.5 * flat_net()[..., 1]
+    lower[..., 1] = -0.5 + 0.5 * flat_net()[..., 1]
+    n, rng = effort.count(30_000, 600), effort.rng()
+    y = np.concatenate([np.zeros(n // 6), rng.uniform(-0.99, 0.99, n - n // 6)])
+    x = 1 + np.where(np.arange(n) < n // 2, 0.0, rng.normal(0, 1e-15, n))
+    targets = np.column_stack([x, y, np.zeros(n)])
+    directions = rng.normal(size=(n, 3)) * (1.0, 1.0, 0.5) - (0, 0, 3)
+    hits, found = traced(
+        [BezierPatches([flat_net(), upper, lower])], targets - directions, directions
+    )
+    return found + Outcome(wrong=int((~hits.hit | (np.abs(hits.t - 1) > 1e-14)).sum()))
+
+
+@row("A16", "control points that are no numbers", "refusal")
+def not_finite(effort: Effort) -> Outcome:
+    """Refused, naming the patch or the profile."""
+    del effort
+    total = Outcome()
+    for value in (np.nan, np.inf, -np.inf):
+        net = np.array(teapot().patches[3])
+        net[1, 2, 0] = value
+        profile = [(0.0, 1.0), (value, 2.0)]
+        total += refusal(partial(BezierPatches, [teapot().patches[0], net]), "finite")
+        total += refusal(partial(SurfaceOfRevolution, profile, (0, 0, 0), (0, 0, 1)), "finite")
+    return total
+
+
+@row("A32", "nets of wrong shape or type", "refusal; identity")
+def shapes_and_types(effort: Effort) -> Outcome:
+    """Other shapes are refused; degrees may be mixed; other types become float64."""
+    total = Outcome()
+    for shape in ((4, 4, 3), (4, 3), (1, 4, 4, 2), (1, 4, 4, 4)):
+        total += refusal(partial(BezierPatches, np.zeros(shape)), "control has shape")
+    for dtype in (np.float32, np.int64):
+        net = np.round(4 * flat_net()).astype(dtype)
+        surface = BezierPatches([net, flat_net(2.0, degree=2)])
+        same = surface.control.dtype == np.float64 and np.array_equal(surface.patches[0], net)
+        total += Outcome(rays=1, wrong=int(not same))
+    nets = [
+        np.add(bumpy_net(m, n, 10 + m), (0.0, 0.0, 0.02 * m))
+        for m, n in ((1, 1), (2, 5), (4, 4), (7, 3), (12, 1), (9, 9))
+    ]
+    mixed = BezierPatches(nets)
+    origins, directions = bumpy_chords(effort.count(5000, 100), effort.rng(32))
+    hits, found = traced([mixed], origins, directions)
+    return total + found + judged(hits, first_hits([mixed], origins, directions))
