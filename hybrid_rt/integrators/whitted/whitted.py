@@ -25,14 +25,13 @@ from hybrid_rt.integrators.integrator import (
 )
 from hybrid_rt.integrators.kernels.compaction import add_to_pixels
 from hybrid_rt.integrators.media.absorption import absorb, square_of_index
-from hybrid_rt.integrators.shading import NO_RATIO, Shading
+from hybrid_rt.integrators.shading import NO_RATIO, Shading, glass_branches
 from hybrid_rt.integrators.whitted.all_lights import AllLights
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.shading.kernels.bsdf import sample_lobes
-from hybrid_rt.shading.kernels.fresnel import mirror_directions, split_at_glass
+from hybrid_rt.shading.kernels.fresnel import mirror_directions
 from hybrid_rt.shading.kernels.lobes.register import DELTA, NARROW, TRANSMITS
-from hybrid_rt.shading.kernels.medium_stack import SCHLICK, media_beyond
 
 # A branch that changes its pixel by less than this, per unit of radiance, is not followed.
 LEAST_CONTRIBUTION = 1e-3
@@ -225,18 +224,11 @@ class Whitted(Integrator):
         """Split rays at a dielectric: one part goes back, the other passes the surface."""
         lobes, shading = self.context.scene.lobes, met.shading
         lobe = lobes.first[shading.material[rows]] + np.int32(slot)
-        n = rows.size
-        reflectance, refracted, eta = np.empty(n), np.empty((n, 3)), np.empty(n)
-        beyond = met.rays.media[rows]
-        second = met.second[rows] if met.second.size else met.second
-        media_beyond(lobes, lobe, beyond, shading.hits.front_face[rows], second, eta)
+        reflectance, refracted, eta, beyond = glass_branches(
+            lobes, lobe, shading, rows, met.rays.media, met.second
+        )
         is_hidden = eta == 0.0
         eta[is_hidden] = 1.0
-        split_at_glass(
-            shading.directions[rows], shading.hits.normal[rows], eta,
-            np.ascontiguousarray(lobes.number[lobe, SCHLICK]), reflectance, refracted,
-        )  # fmt: skip
-        reflectance[is_hidden] = 0.0  # Schlick's formula reflects at grazing angles even so
         weight = lobes.weight[lobe]
         tint = np.where(is_hidden[:, None], 1.0, shading.colors[rows, slot])
         back = _mirrored(met, rows, 2 * slot, (weight * reflectance)[:, None])

@@ -128,7 +128,7 @@ class TestPlan:
             (surface_light, "light_on_hits", scene(Lambertian(0.5), lights=()), 0.5),
             (all_lights, "sample_lobes", scene(Lambertian(0.5), environment=None), 0.5),
             (whitted, "mirror_directions", scene(Lambertian(0.5)), None),
-            (whitted, "split_at_glass", scene(Mirror()), None),
+            (whitted, "glass_branches", scene(Mirror()), None),
         ],
         ids=["textures", "matt", "lights", "sky", "mirrors", "glass"],
     )
