@@ -30,7 +30,7 @@ from hybrid_rt.shading.kernels.medium_stack import (
 )
 from hybrid_rt.shading.kernels.texture import lobe_colors
 
-NO_RIVAL = np.zeros(0)
+NO_CONNECTION = np.zeros(0)
 NO_LOBES = np.zeros(0, dtype=np.int32)
 NONE_SMOOTH = np.zeros(0, dtype=np.bool_)
 
@@ -130,7 +130,7 @@ class SurfaceLight:
         origins: FloatArray,
         directions: FloatArray,
         pdf: FloatArray,
-        rival: FloatArray,
+        connection_pdf: FloatArray,
         media: IntArray,
     ) -> FloatArray:
         """Return the emitted radiance that rays hit, (n, 3): lights and environment, MIS-weighted.
@@ -142,7 +142,7 @@ class SurfaceLight:
         pdf : (n,) float64
             pdf of each direction per solid angle; 0 after a delta lobe and for camera rays, which
             are not weighted against next-event estimation.
-        rival : (n,) float64, or (0,)
+        connection_pdf : (n,) float64, or (0,)
             Above 0: density to weigh against light subpaths, see
             `hybrid_rt.shading.kernels.emitter.light_on_rays`.
         media : (n, STACK) int32, or (n, 0)
@@ -157,8 +157,8 @@ class SurfaceLight:
         light_on_rays(
             scene.lights, scene.sky, scene.textures, light,
             Met(hits.t, u, v, hits.position, hits.normal), origins, directions, pdf,
-            self._pdf_area(hits, light, origins, pdf, rival),
-            rival if rival.size else np.zeros_like(pdf), media, scene.lobes, self._strategy, radiance,
+            self._pdf_area(hits, light, origins, pdf, connection_pdf),
+            connection_pdf if connection_pdf.size else np.zeros_like(pdf), media, scene.lobes, self._strategy, radiance,
         )  # fmt: skip
         return radiance
 
@@ -179,18 +179,18 @@ class SurfaceLight:
         light: IntArray,
         origins: FloatArray,
         pdf: FloatArray,
-        rival: FloatArray,
+        connection_pdf: FloatArray,
     ) -> FloatArray:
         """Return the pdf per area of points met on lights of kind `SURFACE`, (n,); or (0,)."""
         is_asked = np.zeros(len(hits), dtype=np.bool_)
         has_left = is_asked
         if self._strategy != UNWEIGHTED:
             is_asked = pdf > 0.0
-            has_left = ~is_asked & (rival > 0.0) if rival.size else has_left
+            has_left = ~is_asked & (connection_pdf > 0.0) if connection_pdf.size else has_left
         return pdf_area_of_hits(self._context.scene, hits, light, origins, is_asked, has_left)
 
     def pdf_area_met(
-        self, hits: HitRecord, origins: FloatArray, pdf: FloatArray, rival: FloatArray
+        self, hits: HitRecord, origins: FloatArray, pdf: FloatArray, connection_pdf: FloatArray
     ) -> FloatArray:
         """Return the pdf per area of points met on lights of kind `SURFACE`, (n,).
 
@@ -198,7 +198,7 @@ class SurfaceLight:
         """
         if not self._context.scene.shining:
             return np.zeros(0)
-        return self._pdf_area(hits, self._light_met(hits), origins, pdf, rival)
+        return self._pdf_area(hits, self._light_met(hits), origins, pdf, connection_pdf)
 
     def points_of_one(self, hits: HitRecord, xi: FloatArray) -> LightPoints:
         """Sample points on the lights of kind `SURFACE` that next-event estimation chooses.
