@@ -30,7 +30,7 @@ from hybrid_rt.shading.kernels.medium_stack import (
 )
 from hybrid_rt.shading.kernels.texture import lobe_colors
 
-NO_RIVAL = np.zeros(0)
+NO_CONNECTION = np.zeros(0)
 NO_LOBES = np.zeros(0, dtype=np.int32)
 NONE_SMOOTH = np.zeros(0, dtype=np.bool_)
 
@@ -43,16 +43,16 @@ class SurfaceLight:
     context : RenderContext
     strategy : int
         MIS weights, see `hybrid_rt.shading.kernels.emitter`.
-    asked : int
+    traits : int
         Traits of the lobes evaluated by next-event estimation, see
         `hybrid_rt.shading.kernels.bsdf.scattered`.
     """
 
     def __init__(
-        self, context: RenderContext, strategy: int = UNWEIGHTED, asked: int = WIDE
+        self, context: RenderContext, strategy: int = UNWEIGHTED, traits: int = WIDE
     ) -> None:
         self._context = context
-        self._strategy, self._traits_asked = strategy, asked
+        self._strategy, self._traits = strategy, traits
         self.n_slots = int(np.diff(context.scene.lobes.first).max(initial=0))
         self._constant_colors = self._colors_without_lookup()
         self._before = np.cumsum(context.scene.lights.chance)
@@ -73,16 +73,9 @@ class SurfaceLight:
         colors = np.zeros((len(hits), self.n_slots, 3))
         u, v = self.texture_points(hits)
         lobe_colors(
-            scene.textures,
-            scene.lobes.texture,
-            scene.color_factor,
-            scene.lobes.first,
-            material,
-            u,
-            v,
-            hits.position,
-            colors,
-        )
+            scene.textures, scene.lobes.texture, scene.color_factor, scene.lobes.first, material, u, v,
+            hits.position, colors,
+        )  # fmt: skip
         return colors
 
     def texture_points(self, hits: HitRecord) -> tuple[FloatArray, FloatArray]:
@@ -137,7 +130,7 @@ class SurfaceLight:
         origins: FloatArray,
         directions: FloatArray,
         pdf: FloatArray,
-        rival: FloatArray,
+        connection_pdf: FloatArray,
         media: IntArray,
     ) -> FloatArray:
         """Return the emitted radiance that rays hit, (n, 3): lights and environment, MIS-weighted.
@@ -149,7 +142,7 @@ class SurfaceLight:
         pdf : (n,) float64
             pdf of each direction per solid angle; 0 after a delta lobe and for camera rays, which
             are not weighted against next-event estimation.
-        rival : (n,) float64, or (0,)
+        connection_pdf : (n,) float64, or (0,)
             Above 0: density to weigh against light subpaths, see
             `hybrid_rt.shading.kernels.emitter.light_on_rays`.
         media : (n, STACK) int32, or (n, 0)
@@ -162,21 +155,11 @@ class SurfaceLight:
             return radiance
         u, v = self.texture_points(hits)
         light_on_rays(
-            scene.lights,
-            scene.sky,
-            scene.textures,
-            light,
-            Met(hits.t, u, v, hits.position, hits.normal),
-            origins,
-            directions,
-            pdf,
-            self._pdf_area(hits, light, origins, pdf, rival),
-            rival if rival.size else np.zeros_like(pdf),
-            media,
-            scene.lobes,
-            self._strategy,
-            radiance,
-        )
+            scene.lights, scene.sky, scene.textures, light,
+            Met(hits.t, u, v, hits.position, hits.normal), origins, directions, pdf,
+            self._pdf_area(hits, light, origins, pdf, connection_pdf),
+            connection_pdf if connection_pdf.size else np.zeros_like(pdf), media, scene.lobes, self._strategy, radiance,
+        )  # fmt: skip
         return radiance
 
     def _light_met(self, hits: HitRecord) -> IntArray:
@@ -196,18 +179,18 @@ class SurfaceLight:
         light: IntArray,
         origins: FloatArray,
         pdf: FloatArray,
-        rival: FloatArray,
+        connection_pdf: FloatArray,
     ) -> FloatArray:
         """Return the pdf per area of points met on lights of kind `SURFACE`, (n,); or (0,)."""
         is_asked = np.zeros(len(hits), dtype=np.bool_)
         has_left = is_asked
         if self._strategy != UNWEIGHTED:
             is_asked = pdf > 0.0
-            has_left = ~is_asked & (rival > 0.0) if rival.size else has_left
+            has_left = ~is_asked & (connection_pdf > 0.0) if connection_pdf.size else has_left
         return pdf_area_of_hits(self._context.scene, hits, light, origins, is_asked, has_left)
 
     def pdf_area_met(
-        self, hits: HitRecord, origins: FloatArray, pdf: FloatArray, rival: FloatArray
+        self, hits: HitRecord, origins: FloatArray, pdf: FloatArray, connection_pdf: FloatArray
     ) -> FloatArray:
         """Return the pdf per area of points met on lights of kind `SURFACE`, (n,).
 
@@ -215,7 +198,7 @@ class SurfaceLight:
         """
         if not self._context.scene.shining:
             return np.zeros(0)
-        return self._pdf_area(hits, self._light_met(hits), origins, pdf, rival)
+        return self._pdf_area(hits, self._light_met(hits), origins, pdf, connection_pdf)
 
     def points_of_one(self, hits: HitRecord, xi: FloatArray) -> LightPoints:
         """Sample points on the lights of kind `SURFACE` that next-event estimation chooses.
@@ -279,22 +262,37 @@ class SurfaceLight:
             raise ValueError(
                 "SurfaceLight.from_one samples one light for all of them: make it with LIGHT_ONLY or BOTH"
             )
-        scene, hits = self._context.scene, shading.hits
-        n = len(hits)
-        light = np.empty(n, dtype=np.int32)
+        scene = self._context.scene
+        light = np.empty(len(shading.hits), dtype=np.int32)
         choose_lights(self._before, scene.lights.chance, xi, light)
-        to_light, value = self._asked(shading, light, xi)
+        to_light, value = self._sample_lights(shading, light, xi)
+        rays = shadow_rays(light.size)
+        n_rays = self._pack(shading, camera_ray, throughput, media, light, to_light, value, rays)
+        self.add_unblocked(rays, n_rays, radiance)
+
+    def _pack(
+        self,
+        shading: Shading,
+        camera_ray: NDArray[np.int64],
+        throughput: FloatArray,
+        media: IntArray,
+        light: IntArray,
+        to_light: FloatArray,
+        value: FloatArray,
+        rays: ShadowRays,
+    ) -> int:
+        """Attenuate what lights send to hits, and write the shadow rays; return their number."""
+        scene, hits = self._context.scene, shading.hits
         if media.shape[1]:
             if shading.ratio.size:
                 media = media.copy()
                 take_media_toward(hits.normal, shading.directions, to_light, shading.beyond, media)
             weaken_by_ways(media, scene.lobes, to_light, light < scene.n_lights, value)
-        rays = shadow_rays(n)
-        n_rays = pack_shadow_rays(
+        n_rays: int = pack_shadow_rays(
             camera_ray, throughput, hits.object_id, hits.position, light, scene.surface_of_light,
             to_light, value, rays,
         )  # fmt: skip
-        self.add_unblocked(rays, n_rays, radiance)
+        return n_rays
 
     def add_unblocked(self, rays: ShadowRays, n_rays: int, radiance: FloatArray) -> None:
         """Trace shadow rays; add the values of the unoccluded ones.
@@ -322,26 +320,17 @@ class SurfaceLight:
             )
         add_unblocked(rays.camera_ray, rays.follows, blocked, rays.value, radiance)
 
-    def _asked(
+    def _sample_lights(
         self, shading: Shading, light_id: IntArray, xi: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the ways to chosen points of lights, and what they send."""
+        """Sample a point of each light; return the vectors there and the unoccluded radiance."""
         scene = self._context.scene
         to_light, value = np.empty_like(shading.directions), np.empty_like(shading.directions)
         light_on_hits(
-            scene.lights,
-            scene.sky,
-            scene.textures,
-            seen_points(scene, shading.hits.position, shading.material, light_id, xi),
-            light_id,
-            scene.lobes,
-            shading.vertices,
-            xi,
-            self._strategy,
-            self._traits_asked,
-            to_light,
-            value,
-        )
+            scene.lights, scene.sky, scene.textures,
+            seen_points(scene, shading.hits.position, shading.material, light_id, xi), light_id,
+            scene.lobes, shading.vertices, xi, self._strategy, self._traits, to_light, value,
+        )  # fmt: skip
         return to_light, value
 
     def _across(

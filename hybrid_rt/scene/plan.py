@@ -27,7 +27,7 @@ KERNELS_FOR = {
     "hybrid_rt.integrators.kernels.path_batches": "rays in batches",
     "hybrid_rt.integrators.kernels.photon_emission": "photons",
     "hybrid_rt.integrators.kernels.photon_steps": "photons",
-    "hybrid_rt.integrators.kernels.rivals": "light paths",
+    "hybrid_rt.integrators.kernels.connection_weights": "light paths",
     "hybrid_rt.shading.kernels.medium_stack": "medium stack",
     "hybrid_rt.shading.kernels.texture": "texture lookups",
 }

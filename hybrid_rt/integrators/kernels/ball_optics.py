@@ -138,17 +138,17 @@ def change_of_slope(low, high, ior, eye, lamp, core):
 
 
 @inner
-def crossing_between(low, high, at_low, at_high, asked, ior, eye, lamp, core):
-    """Return b in [low, high], where `turn` is monotonic, at which it is ``asked``; nan: nowhere.
+def crossing_between(low, high, at_low, at_high, wanted, ior, eye, lamp, core):
+    """Return b in [low, high], where `turn` is monotonic, at which it is ``wanted``; nan: nowhere.
 
     ``at_low`` and ``at_high`` are its values at the ends.
     """
-    at_low, at_high = at_low - asked, at_high - asked
+    at_low, at_high = at_low - wanted, at_high - wanted
     if at_low * at_high > 0.0 or low >= high:
         return math.nan
     at = low - at_low * (high - low) / (at_high - at_low) if at_low != at_high else low
     for _ in range(MOST_STEPS):
-        excess = turn(at, ior, eye, lamp, core) - asked
+        excess = turn(at, ior, eye, lamp, core) - wanted
         if (excess > 0.0) == (at_high > 0.0):
             high = at
         else:
@@ -164,7 +164,7 @@ def crossing_between(low, high, at_low, at_high, asked, ior, eye, lamp, core):
 
 
 @inner
-def ways_across(first, last, asked, ior, eye, lamp, core, found):
+def ways_across(first, last, wanted, ior, eye, lamp, core, found):
     """Find all ways through a ball with b in [first, last]; return how many.
 
     Where `turn` is monotonic, there is one way at most. Its slope is a sum of c / sqrt(s^2 - b^2),
@@ -175,7 +175,7 @@ def ways_across(first, last, asked, ior, eye, lamp, core, found):
     Parameters
     ----------
     first, last : float
-    asked : float
+    wanted : float
         pi less the angle between both ends, seen from the centre.
     ior, eye, lamp, core
         See `turn`.
@@ -204,7 +204,7 @@ def ways_across(first, last, asked, ior, eye, lamp, core, found):
             for side in range(2):
                 sign = 1.0 - 2.0 * side
                 b = crossing_between(
-                    low, high, at_low, at_high, -sign * asked, ior, eye, lamp, core
+                    low, high, at_low, at_high, -sign * wanted, ior, eye, lamp, core
                 )
                 if not math.isnan(b) and n < MOST_WAYS:
                     found[n] = sign * b

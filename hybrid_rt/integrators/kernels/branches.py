@@ -31,8 +31,8 @@ def copy_path(source, i, target, j):
     target.pdf[j] = source.pdf[i]
     target.carried[j] = source.carried[i]
     target.splits[j] = source.splits[i]
-    if source.rival.size:
-        target.rival[j] = source.rival[i]
+    if source.connection_pdf.size:
+        target.connection_pdf[j] = source.connection_pdf[i]
         target.joined[j] = source.joined[i]
         target.has_met_wide[j] = source.has_met_wide[i]
     if source.chain.size:
@@ -103,10 +103,10 @@ def split_off_reflected(world, paths, vertex, share, branch):
         branch.throughput[0, k] *= share
         paths.throughput[0, k] *= 1.0 - share
         branch.origins[0, k] = hit.position[0, k]
-    if branch.rival.size:
+    if branch.connection_pdf.size:
         branch.joined[0] = False
         if world.is_smooth[hit.object_id[0]]:
-            branch.rival[0] = 0.0
+            branch.connection_pdf[0] = 0.0
     vertex.onward[0, 0], vertex.onward[0, 1], vertex.onward[0, 2] = x, y, z
     if branch.chain.size:
         note_step(world, branch, vertex, False, normal)

@@ -63,7 +63,7 @@ def _is_on(mirrors, k, x, y, z):
 
 
 @inner
-def ask_by_mirrors(world, paths, vertex, vertices, light, s, t, which, rays, n):
+def sample_by_mirrors(world, paths, vertex, vertices, light, s, t, which, rays, n):
     """Sample a point of a lamp, and reach for it by one way by a flat mirror.
 
     Parameters
@@ -145,7 +145,7 @@ def ask_by_mirrors(world, paths, vertex, vertices, light, s, t, which, rays, n):
 
 @inlined
 def pdf_by_mirror(world, paths, k, after):
-    """Return pdfs of a way by mirror k that a path has taken: by chance, and asked.
+    """Return the pdfs of a path by way of mirror k: by BSDF sampling, and by this technique.
 
     Parameters
     ----------
@@ -157,9 +157,9 @@ def pdf_by_mirror(world, paths, k, after):
 
     Returns
     -------
-    by_chance : float
+    by_bsdf : float
         Per area, but for the cosine at the lamp.
-    asked : float
+    by_light : float
         What the pdf of `end_of_way` is multiplied by.
     """
     length = paths.anchor[0, BEFORE] + after

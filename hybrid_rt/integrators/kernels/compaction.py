@@ -38,7 +38,7 @@ class Paths(NamedTuple):
     carried: Any
     splits: Any  # (n,) int8, how often it may still be divided, see `hybrid_rt.integrators.kernels.branches`
     # (n,) float64, see `hybrid_rt.integrators.kernels.light_paths`; (0,) where nothing is compared with it
-    rival: Any
+    connection_pdf: Any
     media: Any  # (n, STACK) int32, dielectrics that the ray is in; (n, 0): there are none
     source_id: Any  # (n,) int32, object that the ray leaves from; -1 at the camera
     # (n,) bool, the light that diffuse surfaces send along the ray is found by connections; (0,): none
@@ -46,9 +46,9 @@ class Paths(NamedTuple):
     # (n,) bool, a surface that is not narrow has spread it, see `hybrid_rt.integrators.kernels.light_paths`;
     # (0,): as above
     has_met_wide: Any
-    # See `hybrid_rt.integrators.kernels.ways`; (0,) and (0, 9) where nothing is asked:
+    # See `hybrid_rt.integrators.kernels.ways`; (0,) and (0, 9) without its technique:
     chain: Any  # (n,) int8, what was met since the last non-delta vertex
-    anchor: Any  # (n, 9) float64, where that vertex is, and what was sampled and asked there
+    anchor: Any  # (n, 9) float64, where that vertex is, and what was sampled there
 
 
 @kernel
@@ -114,7 +114,7 @@ def add_unblocked(camera_ray, follows, blocked, value, radiance):
 
 @kernel
 def pack_paths(paths, fate, least, position, object_id, onward, pdf, out):
-    """Pick the paths whose fate is at least ``least`` and set their new rays; return how many.
+    """Pick the paths that go on (fate at least ``least``), set their new rays; return how many.
 
     Parameters
     ----------
@@ -140,8 +140,8 @@ def pack_paths(paths, fate, least, position, object_id, onward, pdf, out):
         out.pixel[n] = paths.pixel[i]
         out.sample[n] = paths.sample[i]
         out.pdf[n], out.carried[n], out.splits[n] = pdf[i], paths.carried[i], paths.splits[i]
-        if paths.rival.size:
-            out.rival[n] = paths.rival[i]
+        if paths.connection_pdf.size:
+            out.connection_pdf[n] = paths.connection_pdf[i]
         out.source_id[n] = object_id[i]
         for k in range(3):
             out.origins[n, k] = position[i, k]

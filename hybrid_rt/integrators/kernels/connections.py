@@ -13,14 +13,14 @@ from hybrid_rt.shading.kernels.medium_stack import transmittance
 from meshing.kernels.jit import inlined, kernel, part
 from meshing.kernels.prefetch import LINE, prefetch
 
-# Joins bring little light, evenly: asked for every hit, they would cost as much as the lamps. On
-# the Cornell box a quarter costs 4 % in variance and saves a fifth of the time.
+# Connections find little light, evenly: at every hit they would cost as much as the lamps. On the
+# Cornell box a quarter costs 4 % in variance and saves a fifth of the time.
 CONNECT_CHANCE = 0.25
 # Light vertices of which one far away is connected to. A multiple of eight compiles to vector instructions
 # without a rest.
 CANDIDATES = 24
-# What is told of each: see `choose_far`.
-X, Y, Z, ALONG_X, ALONG_Y, ALONG_Z, STEPS, N_TOLD = 0, 1, 2, 3, 4, 5, 6, 7
+# Columns of the table of candidates: see `choose_far`.
+X, Y, Z, ALONG_X, ALONG_Y, ALONG_Z, STEPS, CANDIDATE_COLUMNS = 0, 1, 2, 3, 4, 5, 6, 7
 NONE = -1
 
 
@@ -65,7 +65,7 @@ def sent_toward(lit, k, lobes, wx, wy, wz):
 def connect_to_light_vertex(world, rules, paths, vertex, vertices, depth, number, s, t, out, n):
     """Connect a vertex of a camera path to a light vertex of its pass, by a shadow ray.
 
-    The light is weighed against camera paths that find it by chance. What is left to `choose_far` is
+    The light is weighted against BSDF sampling. What is left to `choose_far` is
     not connected here.
 
     Parameters
@@ -90,7 +90,7 @@ def connect_to_light_vertex(world, rules, paths, vertex, vertices, depth, number
     bool
         Whether there is such a shadow ray.
     """
-    lit = world.lit
+    lit = world.light_vertices
     begin, end = world.first_of_pass[number], world.first_of_pass[number + 1]
     if t >= CONNECT_CHANCE or begin == end:
         return False
@@ -100,28 +100,30 @@ def connect_to_light_vertex(world, rules, paths, vertex, vertices, depth, number
     if _is_far(world, rules, vertices, k):
         return False
     factor = (end - begin) / CONNECT_CHANCE
-    return connect(world, paths, vertex, vertices, k, factor, rules.of_use / CONNECT_CHANCE, out, n)
+    return connect(
+        world, paths, vertex, vertices, k, factor, rules.vertices_per_path / CONNECT_CHANCE, out, n
+    )
 
 
 @part
 def choose_far(world, rules, vertex, vertices, depth, number, s, t):
     """Choose the far light vertex that a vertex of a camera path is connected to.
 
-    Between surfaces of `World.joins`, from the distance `Rules.near` on, all light is found in this
-    way, and none of it otherwise. Of `CANDIDATES` light vertices one is chosen, in proportion to about
-    what it would bring if nothing were in between (resampled importance sampling, Talbot, Cline and
-    Egbert 2005).
+    Beyond `Rules.min_distance`, light between surfaces of `World.diffuse_only` is estimated by these
+    connections alone (Kollig and Keller 2004). Of `CANDIDATES` light vertices one is chosen with a
+    probability in proportion to about its unoccluded contribution (resampled importance sampling,
+    Talbot, Cline and Egbert 2005).
 
     Parameters are those of `connect_to_light_vertex`, except s and t: the first samples the
-    candidates, the second which one is chosen. The light vertices of a pass are dealt out to groups, whose
-    members are candidates together: next to each other in memory, but spread evenly over the pass, see
-    `member`. `World.candidates` tells of each its position (`X`, `Y`, `Z`), its normal on the side that its
-    light comes from times its strength (`ALONG_X` and so on), and its `STEPS`.
+    candidates, the second which one is chosen. The light vertices of a pass are stratified into groups of
+    candidates: next to each other in memory, but spread evenly over the pass, see `member`. The columns of
+    `World.candidates` are the position (`X`, `Y`, `Z`), the normal on the lit side times the strength
+    (`ALONG_X` and so on), and `STEPS`.
 
     Returns
     -------
     chosen : int
-        A row of `World.lit`, asked for; `NONE`, if no candidate would bring anything.
+        A row of `World.light_vertices`, prefetched; `NONE`, if no candidate contributes.
     factor : float
         What its light is multiplied by.
     """
@@ -133,36 +135,36 @@ def choose_far(world, rules, vertex, vertices, depth, number, s, t):
     nx, ny, nz = normal[0, 0], normal[0, 1], normal[0, 2]
     if nx * direction[0, 0] + ny * direction[0, 1] + nz * direction[0, 2] > 0.0:
         nx, ny, nz = -nx, -ny, -nz
-    least, most_steps = rules.near * rules.near, float(rules.max_depth - depth - 1)
-    group, brings = _any_of(s, first, stop), vertex.brings
-    told = world.candidates[group]
+    least, most_steps = rules.min_distance * rules.min_distance, float(rules.max_depth - depth - 1)
+    group, target_pdf = _any_of(s, first, stop), vertex.target_pdf
+    column = world.candidates[group]
     # Columns of their own, and no sum: so this loop compiles to vector instructions.
-    at_x, at_y, at_z, steps = told[X], told[Y], told[Z], told[STEPS]
-    along_x, along_y, along_z = told[ALONG_X], told[ALONG_Y], told[ALONG_Z]
+    at_x, at_y, at_z, steps = column[X], column[Y], column[Z], column[STEPS]
+    along_x, along_y, along_z = column[ALONG_X], column[ALONG_Y], column[ALONG_Z]
     for j in range(CANDIDATES):
         x, y, z = at_x[j] - px, at_y[j] - py, at_z[j] - pz
         square = x * x + y * y + z * z
         arriving = max(nx * x + ny * y + nz * z, 0.0)
         leaving = max(-(along_x[j] * x + along_y[j] * y + along_z[j] * z), 0.0)
-        is_meant = (square >= least) & (square > 0.0) & (steps[j] <= most_steps)
-        brings[j] = arriving * leaving / (square * square) if is_meant else 0.0
+        is_eligible = (square >= least) & (square > 0.0) & (steps[j] <= most_steps)
+        target_pdf[j] = arriving * leaving / (square * square) if is_eligible else 0.0
     total = 0.0
     for j in range(CANDIDATES):
-        total += brings[j]
+        total += target_pdf[j]
     if total == 0.0:
         return NONE, 0.0
     t *= total
     chosen = 0
     for j in range(CANDIDATES):
-        if brings[j] > 0.0:
+        if target_pdf[j] > 0.0:
             chosen = j
-            if t < brings[j]:
+            if t < target_pdf[j]:
                 break
-            t -= brings[j]
+            t -= target_pdf[j]
     begin, n_groups = world.first_of_pass[number], stop - first
     k = member(group - first, chosen, begin, n_groups)
-    _fetch(world.lit, k)
-    return k, n_groups * total / brings[chosen]
+    _fetch(world.light_vertices, k)
+    return k, n_groups * total / target_pdf[chosen]
 
 
 @inlined
@@ -176,7 +178,7 @@ def member(group, j, begin, n_groups):
 
 @inlined
 def fetch_ahead(world, rules, number, points, column):
-    """Ask for the light vertices that a vertex is going to read; it may yet read none.
+    """Prefetch the light vertices that a vertex is going to read; it may yet read none.
 
     Parameters
     ----------
@@ -191,11 +193,11 @@ def fetch_ahead(world, rules, number, points, column):
     begin, end = world.first_of_pass[number], world.first_of_pass[number + 1]
     if begin == end:
         return
-    if rules.near < math.inf:
+    if rules.min_distance < math.inf:
         first, stop = world.first_group[number], world.first_group[number + 1]
         _fetch_row(world.candidates, _any_of(points.xi[0, FAR, column], first, stop))
     if points.xi[1, CONNECT, column] < CONNECT_CHANCE:
-        _fetch(world.lit, _any_of(points.xi[0, CONNECT, column], begin, end))
+        _fetch(world.light_vertices, _any_of(points.xi[0, CONNECT, column], begin, end))
 
 
 @inlined
@@ -206,7 +208,7 @@ def _fetch_row(table, row):
 
 @inlined
 def _fetch(lit, k):
-    """Ask for light vertex k, whose columns are next to each other; see `packed`."""
+    """Prefetch light vertex k, whose columns are next to each other; see `packed`."""
     _fetch_row(lit.position, k)
 
 
@@ -218,24 +220,27 @@ def _any_of(s, begin, end):
 
 @inlined
 def _is_far(world, rules, vertices, k):
-    """Tell whether light between a vertex and light vertex k is left to `choose_far`."""
-    if rules.near == math.inf or not world.joins[vertices.material[0]]:
+    """Return whether light between a vertex and light vertex k is left to `choose_far`."""
+    if rules.min_distance == math.inf or not world.diffuse_only[vertices.material[0]]:
         return False
     square = 0.0
     for c in range(3):
-        square += (world.lit.position[k, c] - vertices.position[0, c]) ** 2
-    return square >= rules.near * rules.near and world.joins[world.lit.material[k]]
+        square += (world.light_vertices.position[k, c] - vertices.position[0, c]) ** 2
+    return (
+        square >= rules.min_distance * rules.min_distance
+        and world.diffuse_only[world.light_vertices.material[k]]
+    )
 
 
 @part
-def connect(world, paths, vertex, vertices, k, factor, of_use, out, n):
+def connect(world, paths, vertex, vertices, k, factor, vertices_per_path, out, n):
     """Write row n of the shadow rays, to light vertex k, whose light is multiplied by ``factor``.
 
-    ``of_use`` is the number of such connections of a path that a pass is expected to make; 0 if no
-    camera path finds this light by chance.
+    ``vertices_per_path`` is the expected number of such connections of a light subpath in a pass; 0 if
+    BSDF sampling does not find this light.
     """
     material, colors, position, normal, direction, geometric, ratio = vertices
-    lobes, lit = world.lobes, world.lit
+    lobes, lit = world.lobes, world.light_vertices
     x = lit.position[k, 0] - position[0, 0]
     y = lit.position[k, 1] - position[0, 1]
     z = lit.position[k, 2] - position[0, 2]
@@ -256,8 +261,8 @@ def connect(world, paths, vertex, vertices, k, factor, of_use, out, n):
     if onward <= 0.0:
         return False
     factor /= square
-    if of_use > 0.0:
-        factor *= power_weight(lit.density[k], pdf / square * of_use * onward)
+    if vertices_per_path > 0.0:
+        factor *= power_weight(lit.density[k], pdf / square * vertices_per_path * onward)
     r, g, b = factor * r * fr, factor * g * fg, factor * b * fb
     if paths.media.shape[1] > 0:
         if ratio.size and is_behind(normal, direction, 0, x, y, z):
@@ -312,8 +317,7 @@ def splat_light_vertices(lit, lobes, way, pdf, n_paths, media, steps_left, value
         if onward <= 0.0:
             continue
         factor = pdf[k] / square
-        rival = factor / n_paths * onward
-        factor *= power_weight(lit.density[k], rival)
+        factor *= power_weight(lit.density[k], factor / n_paths * onward)
         if media.shape[1] > 0:
             p, q, s = transmittance(media, k, lobes, distance)
             r, g, b = r * p, g * q, b * s

@@ -61,12 +61,12 @@ def follow_paths(
             if not arrive(world, rules, path, vertex, depth, 0.0, radiance, tally):
                 depth = rules.max_depth + 2
                 continue
-            # --- light we reach for; where it goes next, and whether it stops
+            # --- direct light; where it goes next, and whether it stops
             column = depth % RUN_ALONG
             if column == 0 or is_new:
                 draw_along(rules, depth - column, path.pixel[0], path.sample[0], points)
                 is_new = False
-            # A 0 that numba knows would make it compile all parts anew.
+            # A literal 0 has a type of its own, for which all parts would be compiled again.
             n_rays = np.int64(0)
             fate, n, has_branch = depart(
                 world, rules, path, vertex, depth, block, points, column, branch, rays, n_rays,
@@ -93,8 +93,8 @@ def _leave_camera(block, i, media, path):
     path.pixel[0], path.sample[0] = block.pixel[i], block.sample[i]
     path.pdf[0] = path.carried[0] = 0.0
     path.splits[0] = MOST_SPLITS
-    if path.rival.size:
-        path.rival[0] = 0.0
+    if path.connection_pdf.size:
+        path.connection_pdf[0] = 0.0
         path.joined[0] = path.has_met_wide[0] = False
     if path.chain.size:
         path.chain[0] = OTHER

@@ -1,18 +1,18 @@
-"""Camera paths and the ways to lamps by glass and mirrors: what is asked, and what they have found."""
+"""Next-event estimation by way of balls, boxes and flat mirrors, and its MIS weights on camera paths."""
 
 import math
 
-from hybrid_rt.integrators.kernels.by_mirrors import ask_by_mirrors, pdf_by_mirror
+from hybrid_rt.integrators.kernels.by_mirrors import pdf_by_mirror, sample_by_mirrors
 from hybrid_rt.integrators.kernels.compaction import choose_light
 from hybrid_rt.integrators.kernels.through_boxes import (
     MOST_MIRRORED,
-    ask_through_boxes,
     box_around,
     face_of,
     is_mirrored_inside,
     pdf_by_box,
+    sample_through_boxes,
 )
-from hybrid_rt.integrators.kernels.through_spheres import ask_through_spheres, pdf_by_ball
+from hybrid_rt.integrators.kernels.through_spheres import pdf_by_ball, sample_through_spheres
 from hybrid_rt.integrators.kernels.vertex_points import (
     TO_BOX,
     TO_MIRROR,
@@ -22,9 +22,8 @@ from hybrid_rt.integrators.kernels.vertex_points import (
     draw_later,
 )
 from hybrid_rt.integrators.kernels.ways import (
-    ALL_ASKED,
+    ALL_LIGHTS,
     ANCHORED,
-    ASKED,
     BEFORE,
     BOX_CROSSED,
     BOX_ENTERED,
@@ -37,15 +36,16 @@ from hybrid_rt.integrators.kernels.ways import (
     INSIDE,
     MIRRORED,
     MIRRORED_FLAT,
-    NOTHING_ASKED,
+    NO_LIGHTS,
     OTHER,
     PDF,
     REFLECTED,
+    SAMPLED,
     WITHIN,
-    is_asked,
+    is_sampled,
     only_medium,
     pdf_of_end,
-    which_are_asked,
+    sampled_lights,
 )
 from hybrid_rt.shading.kernels.emitter import power_weight
 from hybrid_rt.shading.kernels.medium_stack import NONE
@@ -53,8 +53,8 @@ from meshing.kernels.jit import inlined, inner, part
 
 
 @part
-def ask_by_ways(world, rules, paths, vertex, vertices, depth, rays, n):
-    """Reach for a lamp or the sky by way of a ball, and by way of a box; for a lamp by a flat mirror.
+def sample_specular(world, rules, paths, vertex, vertices, depth, rays, n):
+    """Next-event estimation by way of a ball and by way of a box; for lamps by a flat mirror as well.
 
     Parameters
     ----------
@@ -75,15 +75,15 @@ def ask_by_ways(world, rules, paths, vertex, vertices, depth, rays, n):
     Returns
     -------
     is_anchored : bool
-        Whether something is asked.
+        Whether there is such a technique at this vertex.
     n : int
         The number of rows then.
     """
-    asked = which_are_asked(rules, paths, depth)
-    if asked == NOTHING_ASKED:
+    sampled = sampled_lights(rules, paths, depth)
+    if sampled == NO_LIGHTS:
         return False, n
     anchor, at = paths.anchor, vertex.hit.position
-    anchor[0, ASKED], anchor[0, INSIDE] = asked, -1.0
+    anchor[0, SAMPLED], anchor[0, INSIDE] = sampled, -1.0
     anchor[0, WITHIN] = anchor[0, MIRRORED] = 0.0
     is_inside = False
     if paths.media.shape[1] > 0:
@@ -101,24 +101,24 @@ def ask_by_ways(world, rules, paths, vertex, vertices, depth, rays, n):
     which_of_ball, which_of_box = draw_later(rules, depth, WHICH_WAY, pixel, sample)
     if world.balls.radius.size and not is_inside:
         s, t = draw_later(rules, depth, TO_SPHERE, pixel, sample)
-        light, s = choose_light(world.before, world.lights.chance, s)
-        if is_asked(world, asked, light):
-            n = ask_through_spheres(
+        light, s = choose_light(world.light_cdf, world.lights.chance, s)
+        if is_sampled(world, sampled, light):
+            n = sample_through_spheres(
                 world, rules, paths, vertex, vertices, depth, light, s, t, which_of_ball, rays, n
             )
     if world.boxes.lobe.size:
         s, t = draw_later(rules, depth, TO_BOX, pixel, sample)
-        light, s = choose_light(world.before, world.lights.chance, s)
-        if is_asked(world, asked, light):
-            n = ask_through_boxes(
+        light, s = choose_light(world.light_cdf, world.lights.chance, s)
+        if is_sampled(world, sampled, light):
+            n = sample_through_boxes(
                 world, rules, paths, vertex, vertices, depth, light, s, t, which_of_box, rays, n
             )
-    if world.mirrors.chance.size and asked == ALL_ASKED and not is_inside:
+    if world.mirrors.chance.size and sampled == ALL_LIGHTS and not is_inside:
         s, t = draw_later(rules, depth, TO_MIRROR, pixel, sample)
-        light, s = choose_light(world.before, world.lights.chance, s)
+        light, s = choose_light(world.light_cdf, world.lights.chance, s)
         which_of_mirror, _ = draw_later(rules, depth, WHICH_MIRROR, pixel, sample)
-        if light < world.lights.kind.size and is_asked(world, asked, light):
-            n = ask_by_mirrors(
+        if light < world.lights.kind.size and is_sampled(world, sampled, light):
+            n = sample_by_mirrors(
                 world, paths, vertex, vertices, light, s, t, which_of_mirror, rays, n
             )
     return True, n
@@ -126,7 +126,7 @@ def ask_by_ways(world, rules, paths, vertex, vertices, depth, rays, n):
 
 @inlined
 def weight_of_emission(world, paths, t, normal, light):
-    """Return the weight of light that a path has run into against `ask_by_ways`.
+    """Return the weight of light that a path has run into against `sample_specular`.
 
     It was met at distance t, on a face of that normal.
     """
@@ -139,36 +139,36 @@ def weight_of_emission(world, paths, t, normal, light):
 @inner
 def _weight_of_way(world, paths, t, normal, light):
     met = paths.chain[0]
-    asked_there = int(paths.anchor[0, ASKED])
-    if not is_asked(world, asked_there, light):
+    sampled_there = int(paths.anchor[0, SAMPLED])
+    if not is_sampled(world, sampled_there, light):
         return 1.0
     source = paths.source_id[0]
     if met == MIRRORED_FLAT:
         if light == world.lights.kind.size:
             return 1.0
-        by_chance, asked = pdf_by_mirror(world, paths, world.mirrors.of_surface[source], t)
+        by_bsdf, by_light = pdf_by_mirror(world, paths, world.mirrors.of_surface[source], t)
     elif met < BOX_ENTERED:
-        by_chance, asked = pdf_by_ball(world, paths, world.balls.of_surface[source], t, met)
+        by_bsdf, by_light = pdf_by_ball(world, paths, world.balls.of_surface[source], t, met)
     else:
-        by_chance, asked = pdf_by_box(
+        by_bsdf, by_light = pdf_by_box(
             world, paths, world.boxes.of_surface[source], met % 8, t, met < BOX_CROSSED
         )
-    if asked == 0.0:
+    if by_light == 0.0:
         return 1.0
     if t < math.inf:
         cosine = 0.0
         for k in range(3):
             cosine += normal[0, k] * paths.directions[0, k]
-        by_chance *= abs(cosine)
-    asked *= pdf_of_end(world, light, paths)
-    return power_weight(by_chance, asked) if by_chance > 0.0 else 0.0
+        by_bsdf *= abs(cosine)
+    by_light *= pdf_of_end(world, light, paths)
+    return power_weight(by_bsdf, by_light) if by_bsdf > 0.0 else 0.0
 
 
 @inlined
 def note_step(world, paths, vertex, is_anchored, normal):
     """Note what a path has met, before it leaves a vertex in the direction ``vertex.onward``.
 
-    ``is_anchored`` tells whether lamps were asked there.
+    ``is_anchored``: `sample_specular` is a technique there.
     """
     chain = paths.chain
     if paths.pdf[0] > 0.0:

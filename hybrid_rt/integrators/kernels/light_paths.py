@@ -165,8 +165,8 @@ def is_followed_far(paths, i):
 
 
 @inlined
-def goes_through(paths, i, lights, narrow, material, steps):
-    """Tell whether a light subpath goes on from narrow surface ``material`` as it does from a mirror.
+def is_treated_as_specular(paths, i, lights, narrow, material, steps):
+    """Return whether a light subpath treats narrow surface ``material`` as specular.
 
     Not from one that a light of kind `SURFACE` shines on: its points are chosen otherwise by next-event
     estimation than they are left by.
@@ -281,12 +281,11 @@ def leave_surface(lobes, vertices, i, row, ratio, nx, ny, nz, xi, eta, branch):
 
 
 @inlined
-def weight_against_asking(paths, i, lights, position, back):
-    """Return one over by how much next-event estimation makes the density from the camera larger.
+def weight_against_next_event(paths, i, lights, position, back):
+    """Return 1 / sqrt(1 + (p_nee / p_bsdf)^2) at the first surface, which is narrow.
 
-    That is at the first surface, which is narrow. What light subpaths are weighed against is the root
-    of the sum of the squares of both densities: by asking the light, and by BSDF sampling, whose pdf per
-    solid angle is ``back``.
+    Light subpaths are weighted against two techniques there: the root of the sum of the squares of both
+    pdfs, by next-event estimation and by BSDF sampling (``back``, per solid angle), takes their place.
     """
     row = paths.light_id[i]
     px, py, pz = position[i, 0], position[i, 1], position[i, 2]
@@ -294,8 +293,8 @@ def weight_against_asking(paths, i, lights, position, back):
     t = math.sqrt(x * x + y * y + z * z)
     if paths.cosine[i] <= 0.0:
         return 1.0
-    asked = lights.chance[row] * pdf_of_light(lights, row, px, py, pz, t, paths.cosine[i], 0.0)
-    return 1.0 / math.hypot(1.0, asked / back)
+    by_light = lights.chance[row] * pdf_of_light(lights, row, px, py, pz, t, paths.cosine[i], 0.0)
+    return 1.0 / math.hypot(1.0, by_light / back)
 
 
 @kernel
@@ -344,7 +343,7 @@ def extend_light_paths(
         at = ratio[i] if ratio.size else 0.0
         spreads = spreads_here(lobes, row, at)
         denser = 1.0
-        passes = spreads and goes_through(paths, i, lights, narrow, material[i], steps)
+        passes = spreads and is_treated_as_specular(paths, i, lights, narrow, material[i], steps)
         is_other = paths.density[i] == 0.0 or (paths.is_direct[i] and not passes)
         if spreads:
             if is_other and not (keeps_all and is_followed_far(paths, i)):
@@ -353,7 +352,7 @@ def extend_light_paths(
                 lobes, vertices, i, row, at, nx, ny, nz, xi[i, 0], xi[i, 1], rest
             )
             if passes and steps == 0 and back > 0.0:
-                denser *= weight_against_asking(paths, i, lights, position, back)
+                denser *= weight_against_next_event(paths, i, lights, position, back)
             if is_through:
                 pass_surface(row, paths.media, i, is_front, second)
         else:

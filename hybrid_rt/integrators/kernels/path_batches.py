@@ -55,13 +55,13 @@ def _copy_arrival(arrival, i, vertex):
 
 @inlined
 def _fetch_ahead(world, rules, depth, block, paths, arrival, i, points, column):
-    """Ask for the light vertices that path i will read, if it is connected to any."""
+    """Prefetch the light vertices that path i will read, if it is connected to any."""
     if not rules.has_light_paths or depth >= rules.max_depth or arrival.hits.object_id[i] < 0:
         return
     material = world.material_of[arrival.hits.object_id[i]]
-    if material < 0 or (paths.joined[i] and arrival.hits.t[i] >= rules.near):
+    if material < 0 or (paths.joined[i] and arrival.hits.t[i] >= rules.min_distance):
         return
-    if rules.near == np.inf or world.joins[material]:
+    if rules.min_distance == np.inf or world.diffuse_only[material]:
         fetch_ahead(world, rules, block.pass_number[paths.camera_ray[i]], points, column)
 
 
@@ -99,7 +99,7 @@ def advance_paths(
     points : RunPoints of RUN_ACROSS vertices, scratch
     radiance : (camera rays, 3) float64, changed
     rays : ShadowRays of `FEW_SHADOW_RAYS` or `MOST_SHADOW_RAYS` n rows, written
-        What they bring is not added yet.
+        Their contributions are not added yet.
     out : Paths of 2 n rows, written; of n rows, if no path is divided
     tally : Tally, changed
 
@@ -107,7 +107,7 @@ def advance_paths(
     -------
     n_rays, n_out : int, rows written
     """
-    # A 0 that numba knows would make it compile `depart` twice.
+    # A literal 0 has a type of its own, for which `depart` would be compiled again.
     n_rays = n_out = np.int64(0)
     for i in range(paths.camera_ray.size):
         column = i % RUN_ACROSS

@@ -13,6 +13,11 @@ import numpy as np
 from hybrid_rt.integrators.kernels import by_mirrors, through_boxes, through_spheres
 from hybrid_rt.integrators.kernels.branches import reflected_share, split_off_reflected
 from hybrid_rt.integrators.kernels.compaction import choose_light
+from hybrid_rt.integrators.kernels.connection_weights import (
+    arrival_pdf,
+    is_found_by_light_paths,
+    weight_against_light_paths,
+)
 from hybrid_rt.integrators.kernels.connections import (
     NONE,
     choose_far,
@@ -20,14 +25,9 @@ from hybrid_rt.integrators.kernels.connections import (
     connect_to_light_vertex,
 )
 from hybrid_rt.integrators.kernels.glass_and_mirrors import (
-    ask_by_ways,
     note_step,
+    sample_specular,
     weight_of_emission,
-)
-from hybrid_rt.integrators.kernels.rivals import (
-    density_before,
-    is_passed_on,
-    weight_against_light_paths,
 )
 from hybrid_rt.integrators.kernels.vertex_points import (
     CHOICE,
@@ -52,7 +52,7 @@ from hybrid_rt.shading.kernels.scatter import (
     SCATTERED,
     SPECULAR,
     STOPPED,
-    Rivals,
+    ConnectionPdf,
     scatter_one,
 )
 from hybrid_rt.shading.kernels.texture import texture_color
@@ -82,13 +82,13 @@ class World(NamedTuple):
     rough_glass_of: Any  # (materials,) int32, its dielectric lobe if that is rough; (0,): none is
     textures: Any  # TextureTable
     lights: Any  # LightTable
-    before: Any  # (lights + 1,) float64, cumulative distribution of the lights
+    light_cdf: Any  # (lights + 1,) float64, cumulative distribution of the lights
     sky: Any  # EnvironmentTable
-    joins: Any  # (materials,) bool, see `choose_far`
+    diffuse_only: Any  # (materials,) bool, no other lobes spread light
     narrow: Any  # (materials + 1,) bool, see `hybrid_rt.integrators.kernels.light_paths`
     is_smooth: Any  # (objects,) bool, interpolated shading normals; (0,) without light paths
-    lit: Any  # LightVertices
-    candidates: Any  # (groups, N_TOLD, CANDIDATES) float64, see `choose_far`
+    light_vertices: Any  # LightVertices
+    candidates: Any  # (groups, CANDIDATE_COLUMNS, CANDIDATES) float64, see `choose_far`
     first_of_pass: Any  # (passes + 1,) int64, rows of `lit`
     first_group: Any  # (passes + 1,) int64, rows of `candidates`
     balls: Any  # Balls
@@ -102,21 +102,21 @@ class Rules(NamedTuple):
     seed: Any  # uint64
     first_dimension: Any  # uint64, of the random numbers of the first vertex
     strategy: Any  # int, see `hybrid_rt.shading.kernels.emitter`
-    asks_lights: Any  # bool, next-event estimation
+    samples_lights: Any  # bool, next-event estimation
     has_sky: Any  # bool
     has_colors: Any  # bool, the colours of each vertex come with it
     has_light_paths: Any  # bool
-    # int, what is reached by way of mirrors and glass, from all surfaces that spread light: see
+    # int, lights that next-event estimation by way of mirrors and glass samples at all vertices: see
     # `hybrid_rt.integrators.kernels.ways`
-    asked: Any
-    faint: Any  # float, radiance, see `factor_of_taken`
+    specular_lights: Any
+    rr_radiance: Any  # float, radiance, see `factor_of_taken`
     n_light_paths: Any  # float, light subpaths of a pass
-    near: Any  # float, see `choose_far`
-    of_use: Any  # float, expected number of light vertices per light subpath
+    min_distance: Any  # float, see `choose_far`
+    vertices_per_path: Any  # float, expected number of light vertices per light subpath
     max_depth: Any  # int
     roulette_depth: Any  # int
     survival: Any  # float
-    spreads_last: Any  # bool, non-delta lobes are followed at the last vertex
+    samples_last_vertex: Any  # bool, non-delta lobes are followed at the last vertex
 
 
 class Vertex(NamedTuple):
@@ -133,9 +133,9 @@ class Vertex(NamedTuple):
     xi: Any  # (1, 2) float64, samples the direction
     choice: Any  # (1, 2) float64, samples the lobe and survival
     onward: Any  # (1, 3) float64, the sampled direction
-    brings: Any  # (CANDIDATES,) float64, see `choose_far`
-    before: Any  # (1,) float64, see `Rivals` and `density_before`
-    found: Any  # (MOST_WAYS,) float64, see `ask_through_spheres`
+    target_pdf: Any  # (CANDIDATES,) float64, see `choose_far`
+    arrival_pdf: Any  # (1,) float64, see `ConnectionPdf.arrival`
+    found: Any  # (MOST_WAYS,) float64, see `sample_through_spheres`
 
 
 class Block(NamedTuple):
@@ -200,15 +200,17 @@ def emitted(world, rules, paths, vertex, depth, pdf_area):
     # Lamps are sampled by area: it is the face that is seen foreshortened, however it is shaded.
     face = vertex.geometric if vertex.geometric.shape[0] else hit.normal
     met = Met(hit.t, hit.u, hit.v, hit.position, face)
-    rival = 0.0
-    if paths.rival.size:
-        # Behind delta lobes light subpaths are the only rivals; behind others it takes a narrow surface.
+    connection_pdf = 0.0
+    if paths.connection_pdf.size:
+        # Behind delta lobes light subpaths are the only other technique; behind others it takes a narrow surface.
         source = paths.source_id[0]
-        if paths.pdf[0] == 0.0 or is_passed_on(world, world.material_of[source], depth - 1, light):
-            rival = paths.rival[0]
+        if paths.pdf[0] == 0.0 or is_found_by_light_paths(
+            world, world.material_of[source], depth - 1, light
+        ):
+            connection_pdf = paths.connection_pdf[0]
     r, g, b = light_on_ray(
         world.lights, world.sky, world.textures, light, 0, met, paths.origins, paths.directions,
-        paths.pdf[0], pdf_area, rival, paths.media, world.lobes, rules.strategy,
+        paths.pdf[0], pdf_area, connection_pdf, paths.media, world.lobes, rules.strategy,
     )  # fmt: skip
     if paths.chain.size:
         weight = weight_of_emission(world, paths, hit.t[0], face, light)
@@ -247,21 +249,21 @@ def look_up_surface(world, rules, paths, vertex):
 
 
 @part
-def ask_light(world, rules, paths, vertex, vertices, depth, s, t, rays, n):
+def sample_light(world, rules, paths, vertex, vertices, depth, s, t, rays, n):
     """Next-event estimation: sample one light or the sky by (s, t); write row n of ``rays``.
 
     Tells whether there is such a shadow ray.
     """
     hit = vertex.hit
-    light, s = choose_light(world.before, world.lights.chance, s)
+    light, s = choose_light(world.light_cdf, world.lights.chance, s)
     x, y, z, r, g, b, density, pdf = light_on_hit(
         world.lights, world.sky, world.textures, vertex.light_point, light, world.lobes, vertices,
         0, s, t, rules.strategy, EVERY,
     )  # fmt: skip
     is_sky = light == world.surface_of_light.size
     length = np.inf if is_sky else np.sqrt(x * x + y * y + z * z)
-    has_rival = rules.has_light_paths and density > 0.0
-    if has_rival and is_passed_on(world, vertex.material[0], depth, light):
+    is_weighted = rules.has_light_paths and density > 0.0
+    if is_weighted and is_found_by_light_paths(world, vertex.material[0], depth, light):
         weight = weight_against_light_paths(
             world, paths, vertex, vertices, light, x / length, y / length, z / length, density, pdf
         )
@@ -298,7 +300,7 @@ def ask_light(world, rules, paths, vertex, vertices, depth, s, t, rays, n):
 def leave_vertex(
     world, rules, paths, vertex, depth, camera_pdf, number, points, column, branch, rays, n
 ):
-    """Reach for light from a surface, and choose where the path goes.
+    """Next-event estimation and connections at a vertex, then sample the BSDF.
 
     Parameters
     ----------
@@ -330,9 +332,9 @@ def leave_vertex(
     """
     hit, xi = vertex.hit, points.xi
     spreads, mirrors = look_up_surface(world, rules, paths, vertex)
-    joins = rules.has_light_paths and world.joins[vertex.material[0]]
+    diffuse_only = rules.has_light_paths and world.diffuse_only[vertex.material[0]]
     # What this surface sends back along a far ray is known already, but for that of delta lobes.
-    is_known = joins and paths.joined[0] and hit.t[0] >= rules.near
+    is_known = diffuse_only and paths.joined[0] and hit.t[0] >= rules.min_distance
     if is_known and not mirrors:
         return ABSORBED, n, False
     vertices = Vertices(
@@ -341,19 +343,19 @@ def leave_vertex(
     )  # fmt: skip
     reaches = spreads and rules.has_light_paths and not is_known and depth < rules.max_depth
     chosen, factor = NONE, 0.0
-    if reaches and joins and rules.near < np.inf:
+    if reaches and diffuse_only and rules.min_distance < np.inf:
         # First, so that it has arrived when it is read.
         s, t = xi[0, FAR, column], xi[1, FAR, column]
         chosen, factor = choose_far(world, rules, vertex, vertices, depth, number, s, t)
-    # --- light we reach for
+    # --- direct light
     if rules.has_light_paths:
-        vertex.before[0] = density_before(
+        vertex.arrival_pdf[0] = arrival_pdf(
             world, rules, paths, vertex.material[0], depth, camera_pdf
         )
-    if spreads and rules.asks_lights and not is_known:
+    if spreads and rules.samples_lights and not is_known:
         s, t = xi[0, TO_LIGHT, column], xi[1, TO_LIGHT, column]
-        n += ask_light(world, rules, paths, vertex, vertices, depth, s, t, rays, n)
-    # --- light of other surfaces, and what mirrors, metals and glass throw
+        n += sample_light(world, rules, paths, vertex, vertices, depth, s, t, rays, n)
+    # --- connections: light of other surfaces, and caustics
     is_narrow = world.narrow[vertex.material[0]]
     if reaches and not (is_narrow and paths.has_met_wide[0]):
         s, t = xi[0, CONNECT, column], xi[1, CONNECT, column]
@@ -362,10 +364,10 @@ def leave_vertex(
         )
         if chosen != NONE:
             n += connect(world, paths, vertex, vertices, chosen, factor, 0.0, rays, n)
-    # --- light that balls and boxes throw here
+    # --- caustics of balls, boxes and flat mirrors
     is_anchored = False
     if spreads and paths.chain.size:
-        is_anchored, n = ask_by_ways(world, rules, paths, vertex, vertices, depth, rays, n)
+        is_anchored, n = sample_specular(world, rules, paths, vertex, vertices, depth, rays, n)
     # --- where it goes next, and whether it stops
     for k in range(2):
         vertex.xi[0, k] = xi[k, DIRECTION, column]
@@ -377,16 +379,16 @@ def leave_vertex(
             has_branch = split_off_reflected(world, paths, vertex, share, branch)
     fate = scatter_one(
         world.lobes, vertices, 0, vertex.xi, vertex.choice, paths.media, vertex.second,
-        not is_last or rules.spreads_last, not is_last,
+        not is_last or rules.samples_last_vertex, not is_last,
         rules.survival if depth >= rules.roulette_depth else 0.0,
         paths.carried[0],
-        Rivals(hit.t, vertex.before, world.is_smooth, hit.object_id, paths.rival),
+        ConnectionPdf(hit.t, vertex.arrival_pdf, world.is_smooth, hit.object_id, paths.connection_pdf),
         vertex.onward, paths.throughput, paths.pdf,
     )  # fmt: skip
     if fate == SCATTERED or paths.carried[0] > 0.0:
         paths.carried[0] = _weight(world, paths)
     if rules.has_light_paths:
-        paths.joined[0] = joins and paths.pdf[0] > 0.0
+        paths.joined[0] = diffuse_only and paths.pdf[0] > 0.0
         paths.has_met_wide[0] |= paths.pdf[0] > 0.0 and not is_narrow
     if is_known and paths.pdf[0] > 0.0:
         return ABSORBED, n, False

@@ -119,7 +119,7 @@ def _square_seen(boxes, box, x, y, z):
 
 @inlined
 def _sum_of_squares(boxes, x, y, z):
-    """Return what `_square_seen` is divided by: a box's chance of being asked from outside."""
+    """Return what `_square_seen` is divided by: a box's probability of being sampled."""
     total = 0.0
     for box in range(boxes.lobe.size):
         total += _square_seen(boxes, box, x, y, z)
@@ -128,7 +128,7 @@ def _sum_of_squares(boxes, x, y, z):
 
 @inlined
 def _choose_box(boxes, x, y, z, s):
-    """Choose a box by s; return it, its chance, and s made even again; -1: none."""
+    """Choose a box by s; return it, its chance, and s rescaled to [0, 1) for reuse; -1: none."""
     total = _sum_of_squares(boxes, x, y, z)
     left = s * total
     for box in range(boxes.lobe.size):
@@ -157,10 +157,10 @@ def _section(outside, inside, cos_o, cos_i, ior, is_inside):
 
 @inlined
 def pdf_by_box(world, paths, box, face, t, is_inside):
-    """Return the densities of a way through a box that a path has found: by BSDF sampling, if asked.
+    """Return the pdfs of a path through a box: by BSDF sampling, and by this technique.
 
     The pdfs are those of `hybrid_rt.integrators.kernels.ways`, the second without the lamp's; both
-    are zero where the box is not asked.
+    are zero where the box is not sampled.
 
     Parameters
     ----------
@@ -351,7 +351,7 @@ def _folded_point(boxes, box, face, point):
 def _value(
     world, paths, vertices, box, face, is_sky, end, stop, sine, lengths, cosines, part, is_inside
 ):
-    """Return what one way brings.
+    """Return the contribution of one way.
 
     Parameters
     ----------
@@ -450,10 +450,10 @@ def _add_inner_segments(boxes, paths, box, face, source, start, stop, step, coun
 
 
 @inner
-def ask_through_boxes(world, rules, paths, vertex, vertices, depth, light, s, t, which, rays, n):
-    """Sample a point of a lamp, or a direction of the sky, and reach for it by one way through a box.
+def sample_through_boxes(world, rules, paths, vertex, vertices, depth, light, s, t, which, rays, n):
+    """Sample a point of a lamp, or a direction of the sky, and one way there through a box.
 
-    Parameters are those of `ask_through_spheres`.
+    Parameters are those of `sample_through_spheres`.
     """
     boxes, at = world.boxes, vertex.hit.position
     box, chance, passages = int(paths.anchor[0, INSIDE]), 1.0, 1

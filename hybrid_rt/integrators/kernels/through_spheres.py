@@ -32,8 +32,7 @@ from hybrid_rt.shading.kernels.fresnel import fresnel
 from hybrid_rt.shading.kernels.medium_stack import IOR
 from meshing.kernels.jit import inlined, inner
 
-# Rays of one way, through a ball and its core. One ball is asked at a vertex: two have 0.97 of the
-# squared error on the Cornell box, for 1.06 of the time.
+# Rays of one way, through a ball and its core. One ball is sampled at a vertex.
 MOST_RAYS = 5
 NO_CORE = (math.inf, math.inf)
 
@@ -69,7 +68,7 @@ def _square_seen(balls, ball, x, y, z):
 
 @inlined
 def _sum_of_squares(balls, x, y, z):
-    """Return what `_square_seen` is divided by: a ball's chance of being asked from a point."""
+    """Return what `_square_seen` is divided by: a ball's probability of being sampled."""
     total = 0.0
     for ball in range(balls.radius.size):
         total += _square_seen(balls, ball, x, y, z)
@@ -78,7 +77,7 @@ def _sum_of_squares(balls, x, y, z):
 
 @inlined
 def _choose_ball(balls, x, y, z, s):
-    """Choose a ball by s; return it, its chance, and s made even again; -1: none."""
+    """Choose a ball by s; return it, its chance, and s rescaled to [0, 1) for reuse; -1: none."""
     total = _sum_of_squares(balls, x, y, z)
     left = s * total
     for ball in range(balls.radius.size):
@@ -121,10 +120,10 @@ def _crossed_part(world, ball, b, cos_i, core):
 
 @inlined
 def pdf_by_ball(world, paths, ball, t, met):
-    """Return the densities of a way by a ball that a path has found: by BSDF sampling, and if asked.
+    """Return the pdfs of a path by way of a ball: by BSDF sampling, and by this technique.
 
     The pdfs are those of `hybrid_rt.integrators.kernels.ways`, the second without the lamp's; both
-    are zero where the ball is not asked.
+    are zero where the ball is not sampled.
 
     Parameters
     ----------
@@ -147,7 +146,7 @@ def pdf_by_ball(world, paths, ball, t, met):
     for k in range(3):
         away += ((anchor[0, k] - balls.center[ball, k]) / radius) ** 2
         before += ((anchor[0, k] - paths.origins[0, k]) / radius) ** 2
-    # The inside of a mirror ball is not asked.
+    # The inside of a mirror ball is not sampled.
     if away <= 1.0 or cos_i <= 0.0:
         return 0.0, 0.0
     cos_i, after = min(cos_i, 1.0), t / radius
@@ -204,7 +203,7 @@ def _angles(world, ball, way):
 
 @inner
 def _value(world, paths, vertices, ball, light, end, plane, way, eye, far):
-    """Return what one way brings.
+    """Return the contribution of one way.
 
     Parameters
     ----------
@@ -299,8 +298,10 @@ def _add_way(world, paths, vertex, ball, light, end, plane, way, value, rays, n)
 
 
 @inner
-def ask_through_spheres(world, rules, paths, vertex, vertices, depth, light, s, t, which, rays, n):
-    """Sample a point of a lamp, or a direction of the sky, and reach for it by one way by a ball.
+def sample_through_spheres(
+    world, rules, paths, vertex, vertices, depth, light, s, t, which, rays, n
+):
+    """Sample a point of a lamp, or a direction of the sky, and one way there by a ball.
 
     Parameters
     ----------

@@ -96,10 +96,10 @@ def draw_later(rules, depth, slot, pixel, sample):
 @inlined
 def _is_used(rules, slot):
     if slot == TO_LIGHT:
-        return rules.asks_lights
+        return rules.samples_lights
     if slot == CONNECT:
         return rules.has_light_paths
-    return slot != FAR or (rules.has_light_paths and rules.near < np.inf)
+    return slot != FAR or (rules.has_light_paths and rules.min_distance < np.inf)
 
 
 @inlined

@@ -8,10 +8,10 @@ and flat faces nothing is left to chance in it, as all ways are found:
 `hybrid_rt.integrators.kernels.by_mirrors`.
 
 Each such way is also found by BSDF sampling, and the two are combined by the power heuristic. The
-densities are per area of the lamp, or per solid angle of the sky. What converts them is the
-cross-section of a narrow pencil of rays at its end over its solid angle; for the sky, the solid angle
-of the pencil that leaves over that. Where it is zero, on a caustic, the weight of this technique is
-zero, so its variance stays bounded.
+densities are per area of the lamp, or per solid angle of the sky. The generalized geometry term dA/dw
+converts them, called section here: the cross-section of a narrow pencil of rays at its end over its
+solid angle; for the sky, the solid angle of the pencil that leaves over that. Where it is zero, on a
+caustic, the weight of this technique is zero, so its variance stays bounded.
 """
 
 import math
@@ -31,48 +31,57 @@ from hybrid_rt.shading.kernels.lobes.register import EVERY
 from hybrid_rt.shading.kernels.medium_stack import ABSORPTION, IOR, NONE, STACK
 from meshing.kernels.jit import inlined, part
 
-# What a camera path has met since its last non-delta vertex: something that is not asked (no weight
-# then); nothing yet; the outside of a sphere, a way into it, both ways through it; a way into its core,
-# out of that, and out of the sphere then; a way into a box, a way out of the box that the vertex is in,
-# both ways through a box; a flat mirror.
+# The specular chain of a camera path since its last non-delta vertex, which decides what BSDF sampling is
+# weighted against:
+#   OTHER           anything else: no technique of this kind, weight 1
+#   ANCHORED        none yet
+#   REFLECTED       outside of a sphere          ENTERED, CROSSED     into a sphere, and out of it
+#   CORE_ENTERED, CORE_LEFT, CORE_CROSSED        into its core, out of that, out of the sphere
+#   BOX_ENTERED, BOX_CROSSED                     into a box, and out of it
+#   BOX_LEFT        out of the box of the vertex MIRRORED_FLAT        a flat mirror
 OTHER, ANCHORED, REFLECTED, ENTERED, CROSSED = 0, 1, 2, 3, 4
 CORE_ENTERED, CORE_LEFT, CORE_CROSSED = 5, 6, 7
 # Of these, the number of the face is added.
 BOX_ENTERED, BOX_LEFT, BOX_CROSSED = 8, 16, 24
 MIRRORED_FLAT = 32
-# What is asked at a vertex.
-NOTHING_ASKED, SKY_ASKED, ALL_ASKED = 0, 1, 2
-# Columns of `Paths.anchor`: place of the vertex, pdf of the direction sampled there, what is asked
-# there, the box that it lies in (-1: none), the lengths of the way before a box or flat mirror and
+# Lights that this technique samples at a vertex.
+NO_LIGHTS, SKY_ALONE, ALL_LIGHTS = 0, 1, 2
+# Columns of `Paths.anchor`: place of the vertex, pdf of the direction sampled there, which lights are
+# sampled there, the box that it lies in (-1: none), the lengths of the way before a box or flat mirror and
 # inside a box, and how often it was reflected there.
-PDF, ASKED, INSIDE, BEFORE, WITHIN, MIRRORED, N_COLUMNS = 3, 4, 5, 6, 7, 8, 9
-# Bodies are asked in proportion to the sum of their (radius / distance)^2, up to this sum always.
+PDF, SAMPLED, INSIDE, BEFORE, WITHIN, MIRRORED, N_COLUMNS = 3, 4, 5, 6, 7, 8, 9
+# Bodies are sampled in proportion to the sum of their (radius / distance)^2, up to this sum always.
 SMALL = 1.0
 SMALLEST = 1e-300
 
 
 @inlined
-def which_are_asked(rules, paths, depth):
-    """Tell which lamps are asked at a vertex that spreads light.
+def sampled_lights(rules, paths, depth):
+    """Return which lights are sampled at a vertex that spreads light.
 
     Light subpaths find what lamps send to surfaces that the camera sees straight, and to those seen
     from another one (see `hybrid_rt.integrators.kernels.light_paths`). Nothing else finds the sky, nor
-    the lamps where no light subpath is of use.
+    the lamps where no light subpath is useful.
     """
     if depth + 1 >= rules.max_depth:
-        return NOTHING_ASKED
-    if rules.has_light_paths and depth > 0 and paths.pdf[0] == 0.0 and paths.rival[0] == 0.0:
-        return ALL_ASKED
-    return rules.asked
+        return NO_LIGHTS
+    if (
+        rules.has_light_paths
+        and depth > 0
+        and paths.pdf[0] == 0.0
+        and paths.connection_pdf[0] == 0.0
+    ):
+        return ALL_LIGHTS
+    return rules.specular_lights
 
 
 @inlined
-def is_asked(world, asked, light):
-    """Tell whether a light is among those that are asked at a vertex."""
+def is_sampled(world, sampled, light):
+    """Return whether a light is among those that are sampled at a vertex."""
     lights = world.lights
     if light >= lights.kind.size:
-        return lights.chance[light] > 0.0 and asked != NOTHING_ASKED
-    if asked != ALL_ASKED or lights.chance[light] == 0.0:
+        return lights.chance[light] > 0.0 and sampled != NO_LIGHTS
+    if sampled != ALL_LIGHTS or lights.chance[light] == 0.0:
         return False
     return lights.kind[light] == RECTANGLE or lights.kind[light] == SPHERE
 
@@ -136,7 +145,7 @@ def left_by(lobes, lobe, length):
 
 @inlined
 def brought(world, paths, vertices, x, y, z, end, cos_lamp, part, section):
-    """Return what a way brings that leaves a vertex in the unit direction (x, y, z); or zero.
+    """Return the contribution of a way that leaves a vertex in the unit direction (x, y, z); or zero.
 
     Parameters
     ----------
@@ -187,7 +196,7 @@ def take_way(total, value, s):
     is_taken : bool
         With a probability of value / total.
     s : float
-        Made even again.
+        Rescaled to [0, 1) for reuse.
     """
     chance = value / total
     if s < chance:
@@ -199,13 +208,13 @@ def take_way(total, value, s):
 def factor_of_taken(rules, paths, is_sky, total, value, s):
     """Return what the value of the taken way is multiplied by; 0: it is left out.
 
-    It stands for all ways, with their total. Ways to the sky that bring little together are left out
+    It stands for all ways, with their total. Ways to the sky that contribute little together are left out
     by Russian roulette, as their rays cost as much as others.
     """
     keep = 1.0
     if is_sky:
         carried = max(paths.throughput[0, 0], paths.throughput[0, 1], paths.throughput[0, 2])
-        keep = min(total / max(rules.faint * carried, SMALLEST), 1.0)
+        keep = min(total / max(rules.rr_radiance * carried, SMALLEST), 1.0)
     return total / (keep * value) if s < keep else 0.0
 
 

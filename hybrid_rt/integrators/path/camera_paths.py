@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hybrid_rt.core.records import IntArray
-from hybrid_rt.integrators.direct_light import NO_RIVAL
+from hybrid_rt.integrators.direct_light import NO_CONNECTION
 from hybrid_rt.integrators.integrator import CameraBlock
 from hybrid_rt.integrators.kernels.branches import MOST_SPLITS
 from hybrid_rt.integrators.kernels.compaction import Paths
@@ -15,7 +15,10 @@ from hybrid_rt.shading.kernels.lobes.register import DELTA, TRANSMITS
 
 
 def leaving_camera(
-    block: CameraBlock, media: IntArray, has_rivals: bool = False, asks_ways: bool = False
+    block: CameraBlock,
+    media: IntArray,
+    has_light_paths: bool = False,
+    samples_specular: bool = False,
 ) -> Paths:
     """Return the paths that begin with a block's rays.
 
@@ -24,9 +27,9 @@ def leaving_camera(
     block : CameraBlock
     media : (STACK,) int32, or (0,)
         Medium stack of the camera.
-    has_rivals : bool
+    has_light_paths : bool
         Whether the paths are weighted against light subpaths.
-    asks_ways : bool
+    samples_specular : bool
         Whether lamps are reached by way of balls or boxes.
     """
     n = block.pixel.size
@@ -40,13 +43,13 @@ def leaving_camera(
         pdf=np.zeros(n),
         carried=np.zeros(n),
         splits=np.full(n, MOST_SPLITS, dtype=np.int8),
-        rival=np.zeros(n) if has_rivals else NO_RIVAL,
+        connection_pdf=np.zeros(n) if has_light_paths else NO_CONNECTION,
         media=np.repeat(media[None], n, axis=0),
         source_id=np.full(n, NOTHING, dtype=np.int32),
-        joined=np.zeros(n if has_rivals else 0, dtype=np.bool_),
-        has_met_wide=np.zeros(n if has_rivals else 0, dtype=np.bool_),
-        chain=np.full(n if asks_ways else 0, OTHER, dtype=np.int8),
-        anchor=np.empty((n if asks_ways else 0, N_COLUMNS)),
+        joined=np.zeros(n if has_light_paths else 0, dtype=np.bool_),
+        has_met_wide=np.zeros(n if has_light_paths else 0, dtype=np.bool_),
+        chain=np.full(n if samples_specular else 0, OTHER, dtype=np.int8),
+        anchor=np.empty((n if samples_specular else 0, N_COLUMNS)),
     )
 
 

@@ -22,8 +22,8 @@ from hybrid_rt.integrators.direct_light import SurfaceLight
 from hybrid_rt.integrators.kernels import light_paths as kernels
 from hybrid_rt.integrators.kernels.compaction import choose_lights
 from hybrid_rt.integrators.kernels.connections import (
+    CANDIDATE_COLUMNS,
     CANDIDATES,
-    N_TOLD,
     splat_light_vertices,
 )
 from hybrid_rt.integrators.kernels.light_paths import LightPaths, LightVertices
@@ -43,7 +43,7 @@ from meshing.kernels.prefetch import LINE
 # two for each direction taken at a surface.
 FIRST_LIGHT_DIMENSION = 2**20
 LIGHT, PLACE, TURN, LENS, FIRST_STEP = 0, 1, 2, 3, 4
-# A pass that no render reaches tells how many light paths come to an end that is of use. It is
+# A pass that no render reaches tells how many light paths are useful. It is
 # only a weight: a wrong figure costs noise and no more.
 PILOT_PASS, PILOT_PATHS = 2**32 - 1, 4096
 # Part of the usual distance between light vertices below which connections are too noisy.
@@ -127,7 +127,7 @@ class LightPathTracer:
     is_smooth : (objects,) bool
         Objects with interpolated shading normals.
     keeps_all : bool
-    near : float
+    min_distance : float
         Distance from which on light is found by connections alone; inf until it is estimated.
     """
 
@@ -140,7 +140,7 @@ class LightPathTracer:
         options: PathOptions,
         keeps_all: bool,
     ) -> None:
-        self.keeps_all, self.near = keeps_all, np.inf
+        self.keeps_all, self.min_distance = keeps_all, np.inf
         self._context, self._light, self._contacts = context, light, contacts
         scene = context.scene
         camera = scene.camera
@@ -156,8 +156,8 @@ class LightPathTracer:
         self.is_smooth = np.zeros(max(len(scene.surfaces), 1), dtype=np.bool_)
         self.is_smooth[list(scene.vertex_normals)] = True
 
-    def share_of_use(self) -> float:
-        """Estimate the number of light vertices per light subpath, and `near`, from a few subpaths.
+    def estimate_vertices_per_path(self) -> float:
+        """Estimate the number of light vertices per light subpath, and `min_distance`, from a few subpaths.
 
         Raises
         ------
@@ -176,8 +176,8 @@ class LightPathTracer:
         half = points.density.size // 2
         if self.keeps_all and half:
             between = points.position[:half] - points.position[half : 2 * half]
-            self.near = NEAR * float(np.median(np.linalg.norm(between, axis=1)))
-        # Those that are splatted alone are of use as well.
+            self.min_distance = NEAR * float(np.median(np.linalg.norm(between, axis=1)))
+        # Those that are splatted alone are useful as well.
         return float(max(points.density.size, min(n_found, 1)) / PILOT_PATHS)
 
     @property
@@ -270,8 +270,8 @@ class LightPathTracer:
         return points, sample[order], np.concatenate(numbers)[order]
 
     def _ends(self, paths: LightPaths, material: IntArray, step: int) -> BoolArray:
-        """Tell which paths end, as they bring light that is not kept and nothing narrow leads on."""
-        passes = self._narrow[material]  # see `goes_through`
+        """Return which paths end: their light is not kept, and nothing narrow leads on."""
+        passes = self._narrow[material]  # see `is_treated_as_specular`
         if step == 0:
             passes &= self._context.scene.lights.kind[paths.light_id] != SURFACE
         ends: BoolArray = (paths.is_direct & ~passes) | (paths.density == 0.0)
@@ -414,25 +414,25 @@ def packed(points: LightVertices) -> LightVertices:
 
 
 def candidates_of(
-    points: LightVertices, first_of_pass: IntArray, joins: BoolArray
+    points: LightVertices, first_of_pass: IntArray, diffuse_only: BoolArray
 ) -> tuple[FloatArray, IntArray]:
-    """Return what `choose_far` compares, (groups, N_TOLD, CANDIDATES), and the first group of each pass.
+    """Return what `choose_far` compares, (groups, CANDIDATE_COLUMNS, CANDIDATES), and the first group of each pass.
 
-    A light vertex whose material is not among ``joins`` has strength zero, as the members that a group
+    A light vertex whose material is not among ``diffuse_only`` has strength zero, as the members that a group
     lacks do.
     """
     sizes = -(-np.diff(first_of_pass) // CANDIDATES)
     first_group = np.concatenate([[0], np.cumsum(sizes)])
     facing = np.einsum("ij,ij->i", points.geometric, points.direction)
-    strength = np.where(joins[points.material], -np.sign(facing) * points.strength, 0.0)
-    told = np.column_stack(
+    strength = np.where(diffuse_only[points.material], -np.sign(facing) * points.strength, 0.0)
+    column = np.column_stack(
         [points.position, strength[:, None] * points.geometric, points.steps.astype(np.float64)]
     )
-    table = _aligned_zeros((int(first_group[-1]), N_TOLD, CANDIDATES))
+    table = _aligned_zeros((int(first_group[-1]), CANDIDATE_COLUMNS, CANDIDATES))
     for number, (begin, end) in enumerate(pairwise(first_of_pass.tolist())):
         first, n_groups = first_group[number], sizes[number]
         for j in range(CANDIDATES):
-            rows = told[begin + j * n_groups : min(begin + (j + 1) * n_groups, end)]
+            rows = column[begin + j * n_groups : min(begin + (j + 1) * n_groups, end)]
             table[first : first + len(rows), :, j] = rows
     return table, first_group
 

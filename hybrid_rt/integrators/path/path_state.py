@@ -21,7 +21,7 @@ from hybrid_rt.shading.kernels.medium_stack import STACK
 from hybrid_rt.shading.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR
 
 
-def new_paths(n: int, media_depth: int, has_rivals: bool, asks_ways: bool) -> Paths:
+def new_paths(n: int, media_depth: int, has_light_paths: bool, samples_specular: bool) -> Paths:
     """Allocate n paths.
 
     Parameters
@@ -29,9 +29,9 @@ def new_paths(n: int, media_depth: int, has_rivals: bool, asks_ways: bool) -> Pa
     n : int
     media_depth : int
         `STACK`, or 0 without dielectrics.
-    has_rivals : bool
+    has_light_paths : bool
         Whether they are weighted against light subpaths.
-    asks_ways : bool
+    samples_specular : bool
         Whether lamps are reached by way of mirrors and glass.
     """
     return Paths(
@@ -44,13 +44,13 @@ def new_paths(n: int, media_depth: int, has_rivals: bool, asks_ways: bool) -> Pa
         pdf=np.empty(n),
         carried=np.empty(n),
         splits=np.empty(n, dtype=np.int8),
-        rival=np.empty(n if has_rivals else 0),
+        connection_pdf=np.empty(n if has_light_paths else 0),
         media=np.empty((n, media_depth), dtype=np.int32),
         source_id=np.empty(n, dtype=np.int32),
-        joined=np.empty(n if has_rivals else 0, dtype=np.bool_),
-        has_met_wide=np.empty(n if has_rivals else 0, dtype=np.bool_),
-        chain=np.empty(n if asks_ways else 0, dtype=np.int8),
-        anchor=np.empty((n if asks_ways else 0, N_COLUMNS)),
+        joined=np.empty(n if has_light_paths else 0, dtype=np.bool_),
+        has_met_wide=np.empty(n if has_light_paths else 0, dtype=np.bool_),
+        chain=np.empty(n if samples_specular else 0, dtype=np.int8),
+        anchor=np.empty((n if samples_specular else 0, N_COLUMNS)),
     )
 
 
@@ -101,8 +101,8 @@ def new_vertex(
         xi=np.empty((1, 2)),
         choice=np.empty((1, 2)),
         onward=np.empty((1, 3)),
-        brings=np.empty(CANDIDATES),
-        before=np.empty(1),
+        target_pdf=np.empty(CANDIDATES),
+        arrival_pdf=np.empty(1),
         found=np.empty(MOST_WAYS),
     )
 

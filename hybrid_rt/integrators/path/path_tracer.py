@@ -17,7 +17,7 @@ import numpy as np
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import (
-    NO_RIVAL,
+    NO_CONNECTION,
     NONE_SMOOTH,
     SurfaceLight,
     shadow_rays,
@@ -48,7 +48,7 @@ from hybrid_rt.integrators.kernels.vertex_points import (
     TO_LIGHT,
     new_run_points,
 )
-from hybrid_rt.integrators.kernels.ways import ALL_ASKED, NOTHING_ASKED, SKY_ASKED
+from hybrid_rt.integrators.kernels.ways import ALL_LIGHTS, NO_LIGHTS, SKY_ALONE
 from hybrid_rt.integrators.light_points import new_light_points
 from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.integrators.path.balls import balls_of, no_balls
@@ -90,11 +90,11 @@ from hybrid_rt.shading.kernels.lobes.register import DELTA, EVERY
 STRATEGIES = {"both": BOTH, "lights": LIGHT_ONLY, "directions": DIRECTION_ONLY}
 # Skies less uneven than this are found well enough by chance.
 LEAST_UNEVENNESS = 2.0
-# Fewer light subpaths of use are too noisy, if the ways that they find can be computed. Behind a pane
+# Fewer useful light subpaths are too noisy, if the ways that they find can be computed. Behind a pane
 # with a lamp of half a degree, of which 1.7 % are, the error of the mean is 140 times that of the ways.
-FEW_OF_USE = 0.02
-# Ways to the sky that bring less than this part of its mean radiance are left out by roulette.
-FAINT = 0.1
+FEW_VERTICES = 0.02
+# Ways to the sky that contribute less than this part of its mean radiance are left to roulette.
+RR_SHARE = 0.1
 NO_NUMBER = np.zeros(0, dtype=np.int64)
 NO_COLORS = np.zeros((0, 0, 3))
 
@@ -116,8 +116,8 @@ class PathTracer(Integrator):
         asks = self._options.samples_lights and bool(lights.chance.any())
         self._samples_lights = asks and (plan["light samples"] or plan["sky samples"])
         self._split_glass = glass_alone(context.scene)
-        self._joins = diffuse_materials(context.scene.lobes)
-        self._ends_known = self._joins & ~context.scene.materials_with(DELTA)[:-1]
+        self._diffuse_only = diffuse_materials(context.scene.lobes)
+        self._ends_known = self._diffuse_only & ~context.scene.materials_with(DELTA)[:-1]
         self._lamps: LightPathTracer | None = None
         # One mirror, lens or narrow surface, and a surface on either end of the join, at least.
         if plan["light paths"]:
@@ -141,21 +141,21 @@ class PathTracer(Integrator):
             shining=bool(scene.shining),
             rough=self._light.rough_glass_of.size > 0,
         )
-        self._asks_sky, self._faint = self._sky_to_ask()
-        self._asks_lamps = False  # from all surfaces, for want of light paths that are of use
-        if self._asks_sky or self._lamps is not None:
+        self._samples_sky, self._rr_radiance = self._sky_to_sample()
+        self._samples_lamps = False  # from all surfaces, for want of useful light paths
+        if self._samples_sky or self._lamps is not None:
             self._balls, self._boxes = balls_of(scene), boxes_of(scene)
         else:
             self._balls, self._boxes = no_balls(scene), no_boxes(scene)
         self._mirrors = no_mirrors(scene)
         if self._lamps is not None:
-            # Where the sky is asked as well, a surface that is a mirror in part would be asked anew.
-            self._mirrors = mirrors_of(scene, alone=self._asks_sky)
+            # Where the sky is sampled as well, a surface that is a mirror in part would be sampled twice.
+            self._mirrors = mirrors_of(scene, alone=self._samples_sky)
         self._plan_ways()
         self._path, self._branch = (self._new_paths(1) for _ in range(2))
         self._points = new_run_points(RUN_ACROSS if self._forms is None else RUN_ALONG)
         self.take(self._light_of(0, *self._no_light_vertices()))
-        self._of_use = 0.0
+        self._vertices_per_path = 0.0
 
     @property
     def most_at_once(self) -> int:
@@ -163,13 +163,15 @@ class PathTracer(Integrator):
         return super().most_at_once if self._lamps is None else self._lamps.most_at_once
 
     def begin(self) -> None:
-        """Estimate what light subpaths are of use for."""
+        """Estimate how useful light subpaths are."""
         if self._lamps is not None:
-            self._of_use = self._lamps.share_of_use()
+            self._vertices_per_path = self._lamps.estimate_vertices_per_path()
             if self._lamps.keeps_all:
                 self._choose_connections(self._lamps)
-            if self._of_use == 0.0 or (self._of_use < FEW_OF_USE and self._throws_by_one_pane()):
-                number = round(self._of_use * PILOT_PATHS) or "none"
+            if self._vertices_per_path == 0.0 or (
+                self._vertices_per_path < FEW_VERTICES and self._throws_by_one_pane()
+            ):
+                number = round(self._vertices_per_path * PILOT_PATHS) or "none"
                 why = f"{number} of {PILOT_PATHS} light paths came to a surface that spreads light"
                 self._leave_out_light_paths()
                 self.context.plan.decide("light paths", False, "", why)
@@ -183,15 +185,15 @@ class PathTracer(Integrator):
     def _choose_connections(self, lamps: LightPathTracer) -> None:
         """Leave the light between diffuse surfaces to connections where that takes less work."""
         n_paths = lamps.n_paths
-        connected = (True, lamps.near, self._of_use)
+        connected = (True, lamps.min_distance, self._vertices_per_path)
         lamps.keeps_all = False
-        followed = (False, np.inf, lamps.share_of_use())
+        followed = (False, np.inf, lamps.estimate_vertices_per_path())
         lamps.n_paths = PILOT_LIGHT_PATHS
         work = []
-        for lamps.keeps_all, lamps.near, self._of_use in (connected, followed):
+        for lamps.keeps_all, lamps.min_distance, self._vertices_per_path in (connected, followed):
             work.append(work_times_noise(self, n_paths))
         if work[0] < CLEARLY_LESS * work[1]:
-            lamps.keeps_all, lamps.near, self._of_use = connected
+            lamps.keeps_all, lamps.min_distance, self._vertices_per_path = connected
             why = "paths from lamps light every surface, and find what mirrors and glass throw"
             self.context.plan.decide("light paths", True, why, "")
         lamps.n_paths = n_paths
@@ -199,50 +201,56 @@ class PathTracer(Integrator):
     def follow(self, first: Integrator) -> None:
         """Copy what `begin` estimated."""
         assert isinstance(first, PathTracer)
-        self._of_use = first._of_use
+        self._vertices_per_path = first._vertices_per_path
         if self._lamps is None:
             return
         if first._lamps is None:
             self._leave_out_light_paths()
         else:
-            self._lamps.near = first._lamps.near
+            self._lamps.min_distance = first._lamps.min_distance
             self._lamps.keeps_all = first._lamps.keeps_all
 
     def _may_connect_all(self) -> bool:
         """Tell whether connections might find all light between diffuse surfaces."""
         camera = self.context.scene.camera
         is_worth_a_pilot = camera.width * camera.height >= FEWEST_PIXELS
-        return bool(is_worth_a_pilot and self._joins.any() and finds_all_light(self.context.scene))
+        return bool(
+            is_worth_a_pilot and self._diffuse_only.any() and finds_all_light(self.context.scene)
+        )
 
     def _leave_out_light_paths(self) -> None:
         """Compute the ways to lamps from all surfaces instead."""
-        self._lamps, self._asks_lamps = None, self._samples_lights
-        # A surface that is a mirror in part would be asked anew.
+        self._lamps, self._samples_lamps = None, self._samples_lights
+        # A surface that is a mirror in part would be sampled twice.
         self._mirrors = mirrors_of(self.context.scene, alone=True)
         self._plan_ways()
         self._path, self._branch = (self._new_paths(1) for _ in range(2))
 
-    def _sky_to_ask(self) -> tuple[bool, float]:
-        """Tell whether ways by mirrors and glass to the sky may be worth their time; and see `Rules.faint`."""
+    def _sky_to_sample(self) -> tuple[bool, float]:
+        """Tell whether ways by mirrors and glass to the sky may be worth their time; and see `Rules.rr_radiance`."""
         is_sampled = self._samples_lights and self.context.plan["sky samples"]
         if not is_sampled or self._options.strategy != "both":
             return False, 0.0
         sky = self.context.scene.brightness
-        return sky.unevenness >= LEAST_UNEVENNESS, FAINT * sky.mean
+        return sky.unevenness >= LEAST_UNEVENNESS, RR_SHARE * sky.mean
 
     @property
-    def _asks_ways(self) -> bool:
+    def _samples_specular(self) -> bool:
         n_bodies = self._balls.radius.size + self._boxes.lobe.size + self._mirrors.surface.size
-        return n_bodies > 0 and (self._asks_sky or self._asks_lamps or self._lamps is not None)
+        return n_bodies > 0 and (
+            self._samples_sky or self._samples_lamps or self._lamps is not None
+        )
 
-    def _asked_everywhere(self) -> int:
-        """See `Rules.asked`."""
-        if self._asks_ways and self._asks_lamps:
-            return ALL_ASKED
-        return SKY_ASKED if self._asks_ways and self._asks_sky else NOTHING_ASKED
+    def _sampled_everywhere(self) -> int:
+        """See `Rules.specular_lights`."""
+        if self._samples_specular and self._samples_lamps:
+            return ALL_LIGHTS
+        return SKY_ALONE if self._samples_specular and self._samples_sky else NO_LIGHTS
 
     def _new_paths(self, n: int) -> Paths:
-        return new_paths(n, self._camera_media.size, self._lamps is not None, self._asks_ways)
+        return new_paths(
+            n, self._camera_media.size, self._lamps is not None, self._samples_specular
+        )
 
     def _plan_ways(self) -> None:
         balls, boxes = self._balls.radius.size, self._boxes.lobe.size
@@ -250,13 +258,13 @@ class PathTracer(Integrator):
         ends = []
         if self._lamps is not None:
             ends.append("to lamps, where camera paths come by way of mirrors and glass")
-        if self._asks_lamps:
+        if self._samples_lamps:
             ends.append("to lamps")
-        if self._asks_sky:
+        if self._samples_sky:
             ends.append("to the sky")
         self.context.plan.decide(
             "ways by mirrors and glass",
-            self._asks_ways,
+            self._samples_specular,
             f"balls of glass or mirrors ({balls}), boxes of glass ({boxes}) and flat mirrors "
             f"({mirrors}): ways by these are computed {' and '.join(ends)}",
             "no sphere is of one mirror or of clear glass, no box of clear glass, and no rectangle a mirror "
@@ -300,10 +308,13 @@ class PathTracer(Integrator):
         self, first_pass: int, points: LightVertices, first_of_pass: IntArray
     ) -> LightOfPasses:
         connected = points, first_of_pass
-        if self._lamps is None or self._lamps.near == np.inf:
+        if self._lamps is None or self._lamps.min_distance == np.inf:
             connected = self._no_light_vertices()
         return LightOfPasses(
-            first_pass, packed(points), first_of_pass, *candidates_of(*connected, self._joins)
+            first_pass,
+            packed(points),
+            first_of_pass,
+            *candidates_of(*connected, self._diffuse_only),
         )
 
     def _no_light_vertices(self) -> tuple[LightVertices, IntArray]:
@@ -335,14 +346,16 @@ class PathTracer(Integrator):
 
     def _advance(self, block: CameraBlock, rays: Block, radiance: FloatArray, tally: Tally) -> None:
         """Follow the paths of a block together, from vertex to vertex."""
-        paths = leaving_camera(block, self._camera_media, self._lamps is not None, self._asks_ways)
+        paths = leaving_camera(
+            block, self._camera_media, self._lamps is not None, self._samples_specular
+        )
         world, rules = self._world(), self._rules()
         n = paths.camera_ray.size
         if (self._split_glass != NOTHING).any():
             n *= 1 + MOST_SPLITS
         # Filled in turn: pages that are new each time would cost more than what is written.
         out, spare = (self._new_paths(n) for _ in range(2))
-        most = MOST_SHADOW_RAYS if self._asks_ways else FEW_SHADOW_RAYS
+        most = MOST_SHADOW_RAYS if self._samples_specular else FEW_SHADOW_RAYS
         shadows = shadow_rays(most * n)
         for depth in range(self.context.max_depth + 2):
             # --- where the rays arrive
@@ -369,9 +382,9 @@ class PathTracer(Integrator):
         colors = NO_COLORS
         if self.context.plan["texture lookups"]:
             material = self._light.material(hits)
-            if self._lamps is not None and self._lamps.near < np.inf:
+            if self._lamps is not None and self._lamps.min_distance < np.inf:
                 # See ``is_known`` in `leave_vertex`: these paths end there.
-                is_known = paths.joined & (hits.t >= self._lamps.near)
+                is_known = paths.joined & (hits.t >= self._lamps.min_distance)
                 is_known &= self._ends_known.take(material, mode="clip")
                 material = np.where(is_known, np.int32(NOTHING), material)
             colors = self._light.colors(material, hits)
@@ -383,11 +396,11 @@ class PathTracer(Integrator):
             second,
             colors,
             points,
-            self._light.pdf_area_met(hits, paths.origins, paths.pdf, paths.rival),
+            self._light.pdf_area_met(hits, paths.origins, paths.pdf, paths.connection_pdf),
         )
 
     def _block(self, block: CameraBlock) -> Block:
-        camera_pdf, number = NO_RIVAL, NO_NUMBER
+        camera_pdf, number = NO_CONNECTION, NO_NUMBER
         if self._lamps is not None:
             camera_pdf = self.context.scene.camera.direction_pdf(block.directions)
             passes = pass_of(block.pixel >> PIXEL_BITS, block.sample)
@@ -407,12 +420,12 @@ class PathTracer(Integrator):
             rough_glass_of=self._light.rough_glass_of,
             textures=scene.textures,
             lights=scene.lights,
-            before=np.cumsum(scene.lights.chance),
+            light_cdf=np.cumsum(scene.lights.chance),
             sky=scene.sky,
-            joins=self._joins,
+            diffuse_only=self._diffuse_only,
             narrow=scene.narrow_materials,
             is_smooth=NONE_SMOOTH if self._lamps is None else self._lamps.is_smooth,
-            lit=self._light_vertices.points,
+            light_vertices=self._light_vertices.points,
             candidates=self._light_vertices.candidates,
             first_of_pass=self._light_vertices.first_of_pass,
             first_group=self._light_vertices.first_group,
@@ -427,19 +440,19 @@ class PathTracer(Integrator):
             seed=context.sampler.seed,
             first_dimension=np.uint64(FIRST_PATH_DIMENSION),
             strategy=STRATEGIES[self._options.strategy],
-            asks_lights=self._samples_lights,
+            samples_lights=self._samples_lights,
             has_colors=self._forms is None and context.plan["texture lookups"],
             has_sky=context.scene.environment is not None,
             has_light_paths=self._lamps is not None,
-            asked=self._asked_everywhere(),
-            faint=self._faint,
+            specular_lights=self._sampled_everywhere(),
+            rr_radiance=self._rr_radiance,
             n_light_paths=1.0 if self._lamps is None else float(self._lamps.n_paths),
-            near=np.inf if self._lamps is None else self._lamps.near,
-            of_use=self._of_use,
+            min_distance=np.inf if self._lamps is None else self._lamps.min_distance,
+            vertices_per_path=self._vertices_per_path,
             max_depth=context.max_depth,
             roulette_depth=self._options.roulette_depth,
             survival=self._options.survival,
             # The last step may still run into light, so that both ways of finding it agree; but a
             # mirrored or refracted ray would be one direction more.
-            spreads_last=self._options.strategy != "lights",
+            samples_last_vertex=self._options.strategy != "lights",
         )

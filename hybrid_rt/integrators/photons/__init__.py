@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from hybrid_rt.integrators.workers import Workers
     from hybrid_rt.scene.compiled import CompiledScene
 
-# Lights are asked, and photons looked at, where light is spread widely; metals ask lights too, but
+# Lights are sampled, and photons gathered, where light is spread widely; metals sample lights too, but
 # photons do not stay on them. What runs into a lamp needs neither.
 FINDS = "[LUK][DGS]*E|P[DGS]*D[DGS]*E|PG[GS]*E"
 WHY_NO_LIGHT_PATHS = (

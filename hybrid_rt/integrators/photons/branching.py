@@ -21,11 +21,10 @@ from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import largest_channel
 from hybrid_rt.integrators.kernels.compaction import Paths
-from hybrid_rt.integrators.shading import Shading
+from hybrid_rt.integrators.shading import Shading, glass_branches
 from hybrid_rt.scene.compiled import NOTHING
-from hybrid_rt.shading.kernels.fresnel import split_at_glass
 from hybrid_rt.shading.kernels.lobes.register import FOLLOWED, NARROW, TRANSMITS
-from hybrid_rt.shading.kernels.medium_stack import IOR, SCHLICK, media_beyond
+from hybrid_rt.shading.kernels.medium_stack import IOR
 from hybrid_rt.shading.kernels.scatter import ABSORBED, SCATTERED
 
 # Variance over that of choosing always and roulette by what is carried, 10 renders of 8 passes of
@@ -96,28 +95,13 @@ class Branching:
         self, paths: Paths, shading: Shading, second: IntArray
     ) -> tuple[NDArray[np.intp], FloatArray]:
         """Return the rows that are split, and their reflectances."""
-        scene, hits = self._scene, shading.hits
+        scene = self._scene
         rows = np.flatnonzero(self._splits[shading.material])
         if rows.size == 0:
             return rows, np.zeros(0)
         lobe = scene.glass_of[shading.material[rows]]
-        eta, reflectance = np.empty(rows.size), np.empty(rows.size)
-        media_beyond(
-            scene.lobes, lobe, paths.media[rows], hits.front_face[rows],
-            second[rows] if second.size else second, eta,
-        )  # fmt: skip
+        reflectance, _, _, _ = glass_branches(scene.lobes, lobe, shading, rows, paths.media, second)
         # 0: hidden in another body, and passed as if it was not there.
-        is_seen = eta > 0.0
-        rows, lobe, eta, reflectance = (
-            rows[is_seen],
-            lobe[is_seen],
-            eta[is_seen],
-            reflectance[is_seen],
-        )
-        split_at_glass(
-            shading.directions[rows], hits.normal[rows], eta, scene.lobes.number[lobe, SCHLICK],
-            reflectance, np.empty((rows.size, 3)),
-        )  # fmt: skip
         is_split = (reflectance > 0.0) & (reflectance < 1.0)
         return rows[is_split], reflectance[is_split]
 

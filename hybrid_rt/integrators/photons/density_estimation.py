@@ -37,7 +37,7 @@ IdArray = NDArray[np.int64]
 # Numbers of points, numbers of photons, distances.
 Pairs = tuple[NDArray[np.intp], NDArray[np.intp], FloatArray]
 
-# Points are asked for in so many classes at most. Radii within one differ by half at most where
+# Points are searched in so many classes at most. Radii within one differ by half at most where
 # that suffices: photons found beyond a point's own radius are found in vain.
 MOST_CLASSES, RATIO = 8, 1.5
 # Photons that the disc of the first pass holds where photons fall evenly: few, as radii only
@@ -52,7 +52,7 @@ WIDEST, NARROWEST = 0.03, 1e-6
 WIDEST_ASKED = 0.25
 # Nor are discs wider than this part of the surface that they lie on.
 WIDEST_ON_SURFACE = 0.25
-# Points are asked for so many photons first, and those that have more once again for more.
+# So many photons are searched for first, and at points that have more once again for more.
 FEW_PHOTONS = (64, 256)
 # Pairs of points and photons looked at together; a pair takes 24 bytes.
 MOST_PAIRS = 2**20

@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
-from hybrid_rt.integrators.direct_light import NO_RIVAL, NONE_SMOOTH, SurfaceLight, largest_channel
+from hybrid_rt.integrators.direct_light import (
+    NO_CONNECTION,
+    NONE_SMOOTH,
+    SurfaceLight,
+    largest_channel,
+)
 from hybrid_rt.integrators.integrator import (
     FIRST_PATH_DIMENSION,
     CameraBlock,
@@ -52,14 +57,14 @@ from hybrid_rt.shading.kernels.scatter import (
     SCATTERED,
     SPECULAR,
     STOPPED,
-    Rivals,
+    ConnectionPdf,
     scatter,
 )
 
 # Small pictures send several camera rays of each pixel together, up to so many: the steps of few rays cost no
 # less than those of many.
 FEWEST_AT_ONCE = 2**14
-# Of the points of a block without photons, so many are asked for photons shown to the camera.
+# Of the points of a block without photons, so many are searched for photons shown to the camera.
 MOST_ASKED = 1024
 # What the low-discrepancy points of one step are for.
 # That of the first segment across a disc.
@@ -68,15 +73,15 @@ TO_LIGHT, TO_LIGHT_NARROW, DIRECTION, CHOICE, TO_PHOTON, PER_STEP = 0, 1, 2, 3, 
 
 
 @dataclass(frozen=True)
-class Waiting:
-    """Points on wide lobes, n rows, whose light is still to be found, by shadow rays and photons."""
+class PendingPoints:
+    """Points on wide lobes, n rows, whose light is still to be estimated."""
 
     paths: Paths
     shading: Shading
     depth: UIntArray  # (n,) uint64, of the path that arrives there
 
     @classmethod
-    def joined(cls, parts: list[Waiting]) -> Waiting:
+    def joined(cls, parts: list[PendingPoints]) -> PendingPoints:
         """Concatenate points."""
         return cls(
             joined_paths([part.paths for part in parts]),
@@ -84,9 +89,9 @@ class Waiting:
             np.concatenate([part.depth for part in parts]),
         )
 
-    def rows(self, rows: NDArray[np.intp]) -> Waiting:
+    def rows(self, rows: NDArray[np.intp]) -> PendingPoints:
         """Select rows."""
-        return Waiting(
+        return PendingPoints(
             rows_of_paths(self.paths, rows), rows_of_shading(self.shading, rows), self.depth[rows]
         )
 
@@ -175,7 +180,7 @@ class EyePass(Integrator):
     def _radiance(self, block: CameraBlock) -> FloatArray:
         radiance = np.zeros_like(block.directions)
         paths = leaving_camera(block, self._camera_media)
-        waiting: list[Waiting] = []
+        waiting: list[PendingPoints] = []
         for depth in range(self.context.max_depth + 1):
             # --- where the rays arrive
             source = NamedPoints(paths.source_id, paths.origins) if depth else None
@@ -186,15 +191,15 @@ class EyePass(Integrator):
                 absorb(self.context, paths.media, material, hits, second, paths.throughput)
                 # --- light they ran into
                 arriving = self._light.arriving(
-                    hits, paths.origins, paths.directions, paths.pdf, NO_RIVAL, paths.media
+                    hits, paths.origins, paths.directions, paths.pdf, NO_CONNECTION, paths.media
                 )
                 add_products(paths.camera_ray, paths.throughput, arriving, radiance)
                 shading = self._light.shading(hits, paths.directions, material, paths.media, second)
-                # --- surfaces that spread light widely: lights and photons are asked later
+                # --- surfaces that spread light widely: lights and photons come later
                 wide = np.flatnonzero(self.photon_tracer.gathers[material])
                 if wide.size:
                     waiting.append(
-                        Waiting(
+                        PendingPoints(
                             rows_of_paths(paths, wide),
                             rows_of_shading(shading, wide, self._is_wide),
                             np.full(wide.size, depth, dtype=np.uint64),
@@ -204,12 +209,12 @@ class EyePass(Integrator):
                 paths = self._onward(paths, shading, second, depth, radiance)
             if paths.camera_ray.size == 0:
                 break
-        # --- light at all these places: few large questions are answered faster
+        # --- light at all these places: few large batches are faster
         if waiting:
-            self._add_at(Waiting.joined(waiting), block, radiance)
+            self._add_at(PendingPoints.joined(waiting), block, radiance)
         return radiance
 
-    def _add_at(self, points: Waiting, block: CameraBlock, radiance: FloatArray) -> None:
+    def _add_at(self, points: PendingPoints, block: CameraBlock, radiance: FloatArray) -> None:
         """Add the light at all points of a block."""
         if self.casts_shadow_rays:
             with self.context.ledger.stage("shade"):
@@ -224,7 +229,7 @@ class EyePass(Integrator):
         dimension = FIRST_PATH_DIMENSION + depth * PER_STEP + use
         return self.context.sampler.points(paths.pixel, dimension, paths.sample)
 
-    def _add_direct(self, points: Waiting, radiance: FloatArray) -> None:
+    def _add_direct(self, points: PendingPoints, radiance: FloatArray) -> None:
         """Add the direct light at points: the mean of several shadow rays each.
 
         A branch that carries so little that its one ray has less variance than the mean of several
@@ -239,7 +244,7 @@ class EyePass(Integrator):
             if rows.size:
                 self._add_shadow_rays(points.rows(rows), n_each, radiance)
 
-    def _add_shadow_rays(self, points: Waiting, n: int, radiance: FloatArray) -> None:
+    def _add_shadow_rays(self, points: PendingPoints, n: int, radiance: FloatArray) -> None:
         paths = points.paths
         throughput = paths.throughput / n
         for j in range(n):
@@ -248,13 +253,13 @@ class EyePass(Integrator):
                 points.shading, paths.camera_ray, throughput, paths.media, xi, radiance
             )
 
-    def _shadow_ray_points(self, points: Waiting, n: int, j: int) -> FloatArray:
+    def _shadow_ray_points(self, points: PendingPoints, n: int, j: int) -> FloatArray:
         """Return the random numbers of the j-th of n shadow rays of each point."""
         # All shadow rays of all passes are points of one sequence.
         sample = points.paths.sample * np.uint64(n) + np.uint64(j)
         return self._points(points.paths._replace(sample=sample), points.depth, TO_LIGHT)
 
-    def _gather(self, waiting: Waiting, radiance: FloatArray, blur: FloatArray) -> None:
+    def _gather(self, waiting: PendingPoints, radiance: FloatArray, blur: FloatArray) -> None:
         """Add the light of photons at all points of a block."""
         camera_ray, throughput = waiting.paths.camera_ray, waiting.paths.throughput
         points = self._points_of(waiting)
@@ -274,7 +279,7 @@ class EyePass(Integrator):
             self.n_without += without.size
             self._note_shown(points, field, without)
 
-    def _points_of(self, waiting: Waiting) -> Points:
+    def _points_of(self, waiting: PendingPoints) -> Points:
         shading = waiting.shading
         xi = self._points(waiting.paths, waiting.depth, TO_PHOTON)
         return Points(
@@ -291,7 +296,7 @@ class EyePass(Integrator):
 
     @OVERFLOWS
     def _divide_by_coverage(
-        self, waiting: Waiting, points: Points, radius: FloatArray, sums: Sums
+        self, waiting: PendingPoints, points: Points, radius: FloatArray, sums: Sums
     ) -> None:
         """Divide estimates where discs are wider than what they lie on by the part that is covered."""
         rows = np.flatnonzero(sums.value.any(axis=1))
@@ -312,7 +317,7 @@ class EyePass(Integrator):
         sums.value[rows] *= factor
         sums.blur[rows] = (1.0 - mixed[: rows.size, None]) * sums.value[rows] - half
 
-    def _draw(self, waiting: Waiting, rows: NDArray[np.intp]) -> Draw:
+    def _draw(self, waiting: PendingPoints, rows: NDArray[np.intp]) -> Draw:
         """Return what draws random points for some of the points."""
         pixel, sample, depth = (
             column[rows] for column in (waiting.paths.pixel, waiting.paths.sample, waiting.depth)
@@ -396,7 +401,7 @@ class EyePass(Integrator):
         scatter(
             self.context.scene.lobes, shading.vertices, self._points(paths, depth, DIRECTION),
             choice, paths.media, second, goes_on, goes_on, 0.0,
-            Rivals(hits.t, paths.pdf, NONE_SMOOTH, hits.object_id, paths.rival),
+            ConnectionPdf(hits.t, paths.pdf, NONE_SMOOTH, hits.object_id, paths.connection_pdf),
             onward, paths.throughput, pdf, fate,
         )  # fmt: skip
         self._branching.thin_out(paths, fate, choice[:, 1])

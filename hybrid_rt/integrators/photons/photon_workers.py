@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Generator, Mapping
-from threading import Lock
+from concurrent.futures import Future
 from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
@@ -23,7 +23,7 @@ from hybrid_rt.integrators.photons.blur import BlurSums
 from hybrid_rt.integrators.photons.density_estimation import Field, Points
 from hybrid_rt.integrators.photons.eye_pass import EyePass
 from hybrid_rt.integrators.photons.light_tracing import Splats
-from hybrid_rt.integrators.photons.photon_groups import blocks_of
+from hybrid_rt.integrators.photons.photon_groups import Group, blocks_of
 from hybrid_rt.integrators.photons.photon_tracer import (
     AIMED_SHARE,
     PHOTON_DIMENSION,
@@ -61,8 +61,8 @@ _OF_EYE_PASS = ("n_points", "n_gathered", "n_without", "n_shown", "shown_power")
 T = TypeVar("T")
 
 
-class Ready(NamedTuple):
-    """The photons of a pass, ready to be looked at, and the picture of those shown to the camera."""
+class PhotonPass(NamedTuple):
+    """The photon maps of a pass, and the picture of its splats."""
 
     fields: tuple[Field, ...]
     picture: FloatArray | None
@@ -112,7 +112,7 @@ class PhotonWorkers(Workers):
 
     @abstractmethod
     def _fields(self, photons: Photons, pass_number: int) -> tuple[Field, ...]:
-        """Make the photons of a pass ready to be looked at."""
+        """Build the photon maps of a pass."""
 
     @abstractmethod
     def _about(self) -> dict[str, Any]:
@@ -125,13 +125,14 @@ class PhotonWorkers(Workers):
         camera = self.context.scene.camera
         change = np.zeros_like(self._eye_passes[0].blur)
         with self._at_work() as submit:
-            shot = self._begin(passes[0], submit)
+            started = self._start(passes[0], submit)
             for k, number in enumerate(passes):
-                ready = shot()
-                # While threads look at this pass they shoot the next one already.
-                shot = self._begin(number + 1, submit) if number + 1 in passes else _nothing
+                photons: PhotonPass = result_of(started)
+                # Threads trace the next photons while others follow the camera rays of this pass.
+                if number + 1 in passes:
+                    started = self._start(number + 1, submit)
                 for eye_pass in self._eye_passes:
-                    eye_pass.fields, eye_pass.blur = ready.fields, change
+                    eye_pass.fields, eye_pass.blur = photons.fields, change
                 done = k * camera.height * camera.width
 
                 def heard(n: int, done: int = done) -> None:
@@ -141,11 +142,11 @@ class PhotonWorkers(Workers):
                 for made in super().render_passes(range(number, number + 1), heard):
                     assert isinstance(made, Pass)
                     # Not before: a pass that is given up is in no picture.
-                    self._balance.add(ready.balance)
-                    self._n_splats += ready.n_splats
+                    self._balance.add(photons.balance)
+                    self._n_splats += photons.n_splats
                     radiance = made.radiance
-                    if ready.picture is not None:
-                        radiance = radiance + ready.picture
+                    if photons.picture is not None:
+                        radiance = radiance + photons.picture
                     yield Pass(radiance, change)
 
     @property
@@ -174,63 +175,55 @@ class PhotonWorkers(Workers):
     def _block_size(self, n: int) -> int:
         return min(max(-(-n // SHARE_OF_RAYS), FEWEST_RAYS), MOST_RAYS)
 
-    def _begin(self, pass_number: int, submit: Submit) -> Callable[[], Ready]:
-        """Start the tracing of a pass's photons in threads; return a function that waits for it."""
+    def _start(self, pass_number: int, submit: Submit) -> Future[PhotonPass]:
+        """Start the tracing of a pass's photons in threads."""
         if not self.context.plan["photons"]:
-            return _nothing
+            nothing = Future[PhotonPass]()
+            nothing.set_result(PhotonPass((), None, 0, Balance()))
+            return nothing
 
-        def ready(
-            eye_pass: EyePass, photons: Photons, shown: list[Splats], balance: Balance
-        ) -> Ready:
-            with eye_pass.context.ledger.stage("photon tree"):
-                fields, picture = self._fields(photons, pass_number), self._picture(shown)
-            return Ready(fields, picture, sum(pixel.size for pixel, _ in shown), balance)
+        def finish(photons: Photons, splats: list[Splats], balance: Balance) -> PhotonPass:
+            fields, picture = self._fields(photons, pass_number), self._picture(splats)
+            return PhotonPass(fields, picture, sum(pixel.size for pixel, _ in splats), balance)
 
-        return self._shot(self._per_pass, pass_number, PHOTON_DIMENSION, submit, ready)
+        return self._shoot(self._per_pass, pass_number, PHOTON_DIMENSION, submit, finish)
 
-    def _shot(
+    def _shoot(
         self,
         n: int,
         pass_number: int,
         dimension: int,
         submit: Submit,
-        ready: Callable[[EyePass, Photons, list[Splats], Balance], T],
-    ) -> Callable[[], T]:
-        """Trace photons in threads, the last of which calls ``ready``; return a waiting function.
+        finish: Callable[[Photons, list[Splats], Balance], T],
+    ) -> Future[T]:
+        """Trace photons in threads, and call ``finish`` with all of them in one of these.
 
         The order of photons, and of sums over them, is the same for any number of threads.
         """
+
+        def shoot(
+            eye_pass: EyePass, block: tuple[Group, int, int]
+        ) -> tuple[Photons, list[Splats], Balance]:
+            group, first, stop = block
+            tracer = eye_pass.photon_tracer
+            tracer.balance = Balance()
+            photons, splats = tracer.shoot(group, pass_number, first, stop, dimension, MET_SPECULAR)
+            return photons, splats, tracer.balance
+
         blocks = blocks_of(self._eye_passes[0].photon_tracer.groups(n))
-        if not blocks:
-            # All that shines sends out nothing: a black sky.
-            return lambda: ready(self._eye_passes[0], joined([]), [], Balance())
-        parts: list[tuple[Photons, list[Splats], Balance] | None] = [None] * len(blocks)
-        lock = Lock()
+        parts = [submit(shoot, block) for block in blocks]
 
-        def work(eye_pass: EyePass, i: int) -> tuple[T] | None:
-            group, first, stop = blocks[i]
-            eye_pass.photon_tracer.balance = Balance()
-            photons, shown = eye_pass.photon_tracer.shoot(
-                group, pass_number, first, stop, dimension, MET_SPECULAR
-            )
-            with lock:
-                parts[i] = photons, shown, eye_pass.photon_tracer.balance
-                done = [part for part in parts if part is not None]
-            if len(done) < len(parts):
-                return None
+        def join(eye_pass: EyePass, _: None) -> T:
+            # Threads take work in order, so all parts are done or in the hands of others.
+            found = [part.result() for part in parts]
             total = Balance()
-            for _, _, balance in done:
+            for _, _, balance in found:
                 total.add(balance)
-            all_shown = [one for _, several, _ in done for one in several]
-            return (ready(eye_pass, joined([photons for photons, _, _ in done]), all_shown, total),)
+            with eye_pass.context.ledger.stage("photon tree"):
+                photons = joined([photons for photons, _, _ in found])
+                return finish(photons, [one for _, splats, _ in found for one in splats], total)
 
-        futures = [submit(work, i) for i in range(len(blocks))]
-
-        def waited() -> T:
-            found: list[tuple[T] | None] = [result_of(future) for future in futures]
-            return next(result for result in found if result is not None)[0]
-
-        return waited
+        return submit(join, None)
 
     def _picture(self, shown: list[Splats]) -> FloatArray | None:
         """Return the splats of a pass, (height, width, 3)."""
@@ -327,7 +320,3 @@ class PhotonWorkers(Workers):
         if MOST_UNMET * of_one < UNMET_SHARE * shown_power:
             n_missed -= n_shown
         return int(n_missed) if n_missed >= max(NEARLY_ALL * n_points, 1) else 0
-
-
-def _nothing() -> Ready:
-    return Ready((), None, 0, Balance())

@@ -13,7 +13,7 @@ from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.integrator import PIXEL_BITS, CameraBlock
 from hybrid_rt.integrators.photons.covered_discs import ThinPlaces
 from hybrid_rt.integrators.photons.density_estimation import Points
-from hybrid_rt.integrators.photons.eye_pass import EyePass, Waiting
+from hybrid_rt.integrators.photons.eye_pass import EyePass, PendingPoints
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.sensor.passes import GROUPS
 from hybrid_rt.sensor.projection import Projection
@@ -60,7 +60,7 @@ class _Finder(EyePass):
         super().__init__(context)
         self._radius_at = radius_at
 
-    def _add_at(self, waiting: Waiting, block: CameraBlock, radiance: FloatArray) -> None:
+    def _add_at(self, waiting: PendingPoints, block: CameraBlock, radiance: FloatArray) -> None:
         del block, radiance
         points = self._points_of(waiting)
         rows = np.arange(len(points.xi))

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from hybrid_rt.core.threads import result_of
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.photon_steps import Photons
 from hybrid_rt.integrators.options import PPMOptions
@@ -23,7 +24,6 @@ from hybrid_rt.integrators.photons.density_estimation import (
     Field,
     Radii,
 )
-from hybrid_rt.integrators.photons.eye_pass import EyePass
 from hybrid_rt.integrators.photons.light_tracing import DensePlaces, Splats
 from hybrid_rt.integrators.photons.photon_groups import size_for_discs
 from hybrid_rt.integrators.photons.photon_tracer import PILOT_DIMENSION, Balance, chosen
@@ -80,8 +80,8 @@ class ProgressiveWorkers(PhotonWorkers):
         share = n / self._per_pass
         camera, lobes = self.context.scene.camera, self.context.scene.lobes
 
-        def ready(
-            _: EyePass, photons: Photons, _shown: list[Splats], _balance: Balance
+        def finish(
+            photons: Photons, _splats: list[Splats], _balance: Balance
         ) -> tuple[Radii, DensePlaces | None, tuple[Discs, Discs]]:
             dense, radii = None, asked
             if radii is None:
@@ -92,7 +92,9 @@ class ProgressiveWorkers(PhotonWorkers):
             return radii, dense, (Discs(even, lobes, radii, 1.0), Discs(odd, lobes, radii, 1.0))
 
         with self._at_work() as submit:
-            radii, dense, halves = self._shot(n, 0, PILOT_DIMENSION, submit, ready)()
+            started = self._shoot(n, 0, PILOT_DIMENSION, submit, finish)
+            found: tuple[Radii, DensePlaces | None, tuple[Discs, Discs]] = result_of(started)
+        radii, dense, halves = found
         if dense is not None and not dense.are_seen(self.context):
             dense = None
         ledgers = [eye_pass.context.ledger for eye_pass in self._eye_passes]

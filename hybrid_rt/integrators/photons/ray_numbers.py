@@ -24,7 +24,7 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.density_estimate import Sums
 from hybrid_rt.integrators.photons.density_estimation import Discs, Field
-from hybrid_rt.integrators.photons.eye_pass import EyePass, Waiting
+from hybrid_rt.integrators.photons.eye_pass import EyePass, PendingPoints
 from hybrid_rt.integrators.photons.pilot_rays import pilot_rays
 from hybrid_rt.sensor.film import OVERFLOWS
 from hybrid_rt.sensor.image_metrics import DARK
@@ -159,7 +159,7 @@ class _PilotEyePass(EyePass):
         self.of_shadow_rays, self.difference = np.zeros((2, pixel.size, 3))
         return self.radiance_through(pixel, sample)
 
-    def _add_direct(self, points: Waiting, radiance: FloatArray) -> None:
+    def _add_direct(self, points: PendingPoints, radiance: FloatArray) -> None:
         paths = points.paths
         rows = np.arange(paths.camera_ray.size)
         found = np.zeros((PER_POINT, rows.size, 3))

@@ -21,7 +21,7 @@ def _make(context: RenderContext, threads: int) -> Workers:
 WHITTED = Declaration(
     name="whitted",
     make=_make,
-    # Metals only show what lies about the mirrored direction: lights are not asked there.
+    # Metals only show what lies about the mirrored direction: lights are not sampled there.
     finds=lambda _: "[LPK]D[GS]*E|[LUK][GS]*E",
     asks_every_light=True,
     follows_every_branch=True,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray
 from hybrid_rt.integrators.context import RenderContext
-from hybrid_rt.integrators.direct_light import NO_RIVAL, largest_channel
+from hybrid_rt.integrators.direct_light import NO_CONNECTION, largest_channel
 from hybrid_rt.integrators.integrator import (
     BLOCK,
     FIRST_PATH_DIMENSION,
@@ -25,14 +25,13 @@ from hybrid_rt.integrators.integrator import (
 )
 from hybrid_rt.integrators.kernels.compaction import add_to_pixels
 from hybrid_rt.integrators.media.absorption import absorb, square_of_index
-from hybrid_rt.integrators.shading import NO_RATIO, Shading
+from hybrid_rt.integrators.shading import NO_RATIO, Shading, glass_branches
 from hybrid_rt.integrators.whitted.all_lights import AllLights
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.shading.kernels.bsdf import sample_lobes
-from hybrid_rt.shading.kernels.fresnel import mirror_directions, split_at_glass
+from hybrid_rt.shading.kernels.fresnel import mirror_directions
 from hybrid_rt.shading.kernels.lobes.register import DELTA, NARROW, TRANSMITS
-from hybrid_rt.shading.kernels.medium_stack import SCHLICK, media_beyond
 
 # A branch that changes its pixel by less than this, per unit of radiance, is not followed.
 LEAST_CONTRIBUTION = 1e-3
@@ -112,7 +111,7 @@ class Whitted(Integrator):
                 # --- light they ran into
                 no_choice = np.zeros(len(rays))
                 gathered = rays.throughput * self._light.arriving(
-                    hits, rays.origins, rays.directions, no_choice, NO_RIVAL, rays.media
+                    hits, rays.origins, rays.directions, no_choice, NO_CONNECTION, rays.media
                 )
                 # --- light we reach for
                 met = np.flatnonzero(material != NOTHING)
@@ -130,7 +129,7 @@ class Whitted(Integrator):
                 )
                 add_to_pixels(rays.camera_ray, gathered, radiance)
                 # --- where they go next
-                onward = self._onward(_Meeting(hit_rays, shading, second), block)
+                onward = self._onward(_Arrival(hit_rays, shading, second), block)
             waiting.extend(onward)
         return radiance
 
@@ -156,9 +155,9 @@ class Whitted(Integrator):
         per_node = np.uint64(self.context.scene.n_lights + 1 + n_slots)
         return np.uint64(FIRST_PATH_DIMENSION) + node * per_node
 
-    def _onward(self, met: _Meeting, block: CameraBlock) -> list[Branches]:
+    def _onward(self, met: _Arrival, block: CameraBlock) -> list[Branches]:
         """Return the mirrored and refracted rays, in batches of bounded size."""
-        parts: list[_Part] = []
+        parts: list[_BranchBatch] = []
         plan = self.context.plan
         for slot, traits_of in enumerate(self._traits_in_slot):
             traits = traits_of[met.shading.material]
@@ -181,8 +180,8 @@ class Whitted(Integrator):
         return _in_batches(self._joined(met, parts))
 
     def _spread(
-        self, met: _Meeting, rows: NDArray[np.intp], slot: int, block: CameraBlock
-    ) -> list[_Part]:
+        self, met: _Arrival, rows: NDArray[np.intp], slot: int, block: CameraBlock
+    ) -> list[_BranchBatch]:
         """Send rays on by a narrow lobe, each in one sampled direction."""
         lobes, shading = self.context.scene.lobes, met.shading
         rays = met.rays[rows]
@@ -207,8 +206,10 @@ class Whitted(Integrator):
         )  # fmt: skip
         throughput = rays.throughput * value
 
-        def going(which: BoolArray, choice: int, media: IntArray) -> _Part:
-            return _Part(rows[which], choice, directions[which], throughput[which], media[which])
+        def going(which: BoolArray, choice: int, media: IntArray) -> _BranchBatch:
+            return _BranchBatch(
+                rows[which], choice, directions[which], throughput[which], media[which]
+            )
 
         goes = pdf > 0.0
         if not ratio.size:
@@ -221,29 +222,22 @@ class Whitted(Integrator):
             going(goes & passes, 2 * slot + 1, shading.beyond[rows]),
         ]
 
-    def _at_glass(self, met: _Meeting, rows: NDArray[np.intp], slot: int) -> list[_Part]:
+    def _at_glass(self, met: _Arrival, rows: NDArray[np.intp], slot: int) -> list[_BranchBatch]:
         """Split rays at a dielectric: one part goes back, the other passes the surface."""
         lobes, shading = self.context.scene.lobes, met.shading
         lobe = lobes.first[shading.material[rows]] + np.int32(slot)
-        n = rows.size
-        reflectance, refracted, eta = np.empty(n), np.empty((n, 3)), np.empty(n)
-        beyond = met.rays.media[rows]
-        second = met.second[rows] if met.second.size else met.second
-        media_beyond(lobes, lobe, beyond, shading.hits.front_face[rows], second, eta)
+        reflectance, refracted, eta, beyond = glass_branches(
+            lobes, lobe, shading, rows, met.rays.media, met.second
+        )
         is_hidden = eta == 0.0
         eta[is_hidden] = 1.0
-        split_at_glass(
-            shading.directions[rows], shading.hits.normal[rows], eta,
-            np.ascontiguousarray(lobes.number[lobe, SCHLICK]), reflectance, refracted,
-        )  # fmt: skip
-        reflectance[is_hidden] = 0.0  # Schlick's formula reflects at grazing angles even so
         weight = lobes.weight[lobe]
         tint = np.where(is_hidden[:, None], 1.0, shading.colors[rows, slot])
         back = _mirrored(met, rows, 2 * slot, (weight * reflectance)[:, None])
         passes = reflectance < 1.0
         # Radiance over the index squared is what stays the same across the surface.
         share = (weight * (1.0 - reflectance) / eta**2)[:, None] * tint
-        through = _Part(
+        through = _BranchBatch(
             rows[passes],
             2 * slot + 1,
             refracted[passes],
@@ -252,7 +246,7 @@ class Whitted(Integrator):
         )
         return [back, through]
 
-    def _joined(self, met: _Meeting, parts: list[_Part]) -> Branches:
+    def _joined(self, met: _Arrival, parts: list[_BranchBatch]) -> Branches:
         """Sort the surviving branches in the order of their parents."""
         parent = np.concatenate([part.parent for part in parts])
         choice = np.repeat([part.choice for part in parts], [part.parent.size for part in parts])
@@ -293,7 +287,7 @@ class Whitted(Integrator):
 
 
 @dataclass(frozen=True)
-class _Meeting:
+class _Arrival:
     """Rays on arrival at an object, where, and on what other face (see `Contacts.at`)."""
 
     rays: Branches
@@ -302,7 +296,7 @@ class _Meeting:
 
 
 @dataclass(frozen=True)
-class _Part:
+class _BranchBatch:
     """Branches of one kind: row of the parent, number of the choice, and the new ray.
 
     Choices of refracted branches are odd.
@@ -320,13 +314,13 @@ class _Part:
         return self.choice % 2 == 1
 
 
-def _on_its_side(met: _Meeting, part: _Part) -> _Part:
+def _on_its_side(met: _Arrival, part: _BranchBatch) -> _BranchBatch:
     """Leave out branches that a shading normal sends to the wrong side of the face."""
     geometric = met.shading.geometric[part.parent]
     before = np.einsum("ij,ij->i", geometric, met.shading.directions[part.parent])
     passes = before * np.einsum("ij,ij->i", geometric, part.directions) >= 0.0
     rows = passes == part.is_refracted
-    return _Part(
+    return _BranchBatch(
         part.parent[rows],
         part.choice,
         part.directions[rows],
@@ -335,10 +329,14 @@ def _on_its_side(met: _Meeting, part: _Part) -> _Part:
     )
 
 
-def _mirrored(met: _Meeting, rows: NDArray[np.intp], choice: int, color: FloatArray) -> _Part:
+def _mirrored(
+    met: _Arrival, rows: NDArray[np.intp], choice: int, color: FloatArray
+) -> _BranchBatch:
     directions = np.empty((rows.size, 3))
     mirror_directions(met.shading.directions[rows], met.shading.hits.normal[rows], directions)
-    return _Part(rows, choice, directions, met.rays.throughput[rows] * color, met.rays.media[rows])
+    return _BranchBatch(
+        rows, choice, directions, met.rays.throughput[rows] * color, met.rays.media[rows]
+    )
 
 
 def _in_batches(rays: Branches) -> list[Branches]:

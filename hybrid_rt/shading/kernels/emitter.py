@@ -128,19 +128,21 @@ def light_on_hits(
 
 @inlined
 def light_on_ray(
-    lights, sky, textures, row, i, met, origin, direction, pdf, pdf_area, rival, media, lobes,
+    lights, sky, textures, row, i, met, origin, direction, pdf, pdf_area, connection_pdf, media, lobes,
     strategy,
 ):  # fmt: skip
     """Return the radiance that ray i hits on light ``row``, MIS-weighted.
 
-    Parameters are those of `light_on_rays`; ``pdf``, ``pdf_area`` and ``rival`` are those of the ray.
+    Parameters are those of `light_on_rays`; ``pdf``, ``pdf_area`` and ``connection_pdf`` are those of the ray.
     """
     t, u, v, position, normal = met
     x, y, z = direction[i, 0], direction[i, 1], direction[i, 2]
     is_sky = row == lights.kind.size
     by_light_paths = 0.0
-    if strategy == BOTH and rival > 0.0 and not is_sky:
-        by_light_paths = density_of_light_path(lights, row, pdf_area, media, i, lobes) / rival
+    if strategy == BOTH and connection_pdf > 0.0 and not is_sky:
+        by_light_paths = (
+            density_of_light_path(lights, row, pdf_area, media, i, lobes) / connection_pdf
+        )
     weight = 1.0
     if strategy < DIRECTION_ONLY and pdf > 0.0 and lights.chance[row] > 0.0:
         if is_sky:
@@ -182,7 +184,7 @@ def density_of_light_path(lights, row, pdf_area, media, i, lobes):
 
 @kernel
 def light_on_rays(
-    lights, sky, textures, light_id, met, origin, direction, pdf, pdf_area, rival, media, lobes,
+    lights, sky, textures, light_id, met, origin, direction, pdf, pdf_area, connection_pdf, media, lobes,
     strategy, radiance,
 ):  # fmt: skip
     """Compute the emitted radiance that rays hit, MIS-weighted.
@@ -201,7 +203,7 @@ def light_on_rays(
         other technique finds the light.
     pdf_area : (n,) float64
         pdf per area of sampling the point of a `SURFACE`; may be empty if there is none.
-    rival : (n,) float64
+    connection_pdf : (n,) float64
         For paths by way of delta lobes or narrow surfaces: the density to weigh against light subpaths
         (see `hybrid_rt.integrators.kernels.light_paths`); else 0.
     media : (n, STACK) int32, or (n, 0)
@@ -213,6 +215,6 @@ def light_on_rays(
         if light_id[i] >= 0:
             r, g, b = light_on_ray(
                 lights, sky, textures, light_id[i], i, met, origin, direction, pdf[i],
-                pdf_area[i] if pdf_area.size else 0.0, rival[i], media, lobes, strategy,
+                pdf_area[i] if pdf_area.size else 0.0, connection_pdf[i], media, lobes, strategy,
             )  # fmt: skip
         radiance[i, 0], radiance[i, 1], radiance[i, 2] = r, g, b

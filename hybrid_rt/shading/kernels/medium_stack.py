@@ -190,22 +190,6 @@ def pass_surface(lobe, stack, i, is_front, second):
         leave(stack, i, -other - 1)
 
 
-@kernel
-def media_beyond(lobes, lobe, stack, front_face, second, eta):
-    """Take each ray through a dielectric surface, updating ``stack`` (n, STACK).
-
-    ``eta`` (n,) receives the index beyond over the index before, and 0 where the surface is hidden
-    in a body of higher priority.
-    """
-    for i in range(lobe.size):
-        before = filling_medium(stack, i, lobes)
-        pass_surface(lobe[i], stack, i, front_face[i], second)
-        after = filling_medium(stack, i, lobes)
-        eta[i] = 0.0
-        if before != after:
-            eta[i] = ior_of(lobes, after) / ior_of(lobes, before)
-
-
 @inlined
 def look_beyond_one(lobes, lobe, stack, i, is_front, second, beyond):
     """Find the media beyond the rough glass that ray i has hit; see `look_beyond`.

@@ -17,13 +17,13 @@ from meshing.kernels.jit import inlined, kernel, part
 LEFT, STOPPED, ABSORBED, SCATTERED, SPECULAR = 0, 1, 2, 3, 4
 
 
-class Rivals(NamedTuple):
+class ConnectionPdf(NamedTuple):
     """What paths from the camera are weighed against light subpaths by; n rows."""
 
     t: Any  # (n,) float64, length of the incoming ray
     # (n,) float64, pdf per solid angle of its direction, times the expected number of light vertices that a
     # light subpath adds to the choice (of the camera: over the number of light subpaths); 0: none is joined
-    before: Any
+    arrival: Any
     is_smooth: Any  # (objects,) bool, objects with interpolated shading normals
     object_id: Any  # (n,) int32
     # (n,) float64, density of the last non-delta vertex and of the direction sampled there, see
@@ -98,8 +98,8 @@ def density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density):
 
 
 @inlined
-def rival_after(lobes, vertices, i, rivals, x, y, z, density, is_through, stack):
-    """Return `Rivals.density` of a path that leaves a non-delta vertex in the direction (x, y, z).
+def connection_pdf_after(lobes, vertices, i, connection, x, y, z, density, is_through, stack):
+    """Return `ConnectionPdf.density` of a path that leaves a non-delta vertex in the direction (x, y, z).
 
     Parameters
     ----------
@@ -113,12 +113,12 @@ def rival_after(lobes, vertices, i, rivals, x, y, z, density, is_through, stack)
     material, colors, _, normal, direction, geometric, ratio = vertices
     dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
     turn = density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density)
-    before, so_far = rivals.before[i], rivals.density[i]
-    if before > 0.0:
-        rival = turn * before / (rivals.t[i] * rivals.t[i])
+    arrival, so_far = connection.arrival[i], connection.density[i]
+    if arrival > 0.0:
+        connection_pdf = turn * arrival / (connection.t[i] * connection.t[i])
         if stack.shape[1] > 0:
-            rival /= ior_of(lobes, filling_medium(stack, i, lobes)) ** 2
-        return rival
+            connection_pdf /= ior_of(lobes, filling_medium(stack, i, lobes)) ** 2
+        return connection_pdf
     if so_far == 0.0:
         return 0.0
     at = ratio[i] if ratio.size else 0.0
@@ -136,7 +136,7 @@ def rival_after(lobes, vertices, i, rivals, x, y, z, density, is_through, stack)
 @part
 def scatter_one(
     lobes, vertices, i, xi, choice, stack, second, may_spread, may_mirror, roulette, reference,
-    rivals, onward, throughput, pdf,
+    connection, onward, throughput, pdf,
 ):  # fmt: skip
     """Scatter ray i in one direction and return its fate.
 
@@ -144,7 +144,11 @@ def scatter_one(
     with; 0: it takes no notice of throughput.
     """
     material, colors, _, normal, direction, geometric, ratio = vertices
-    is_smooth, object_id, rival = rivals.is_smooth, rivals.object_id, rivals.density
+    is_smooth, object_id, connection_pdf = (
+        connection.is_smooth,
+        connection.object_id,
+        connection.density,
+    )
     pdf[i] = 0.0
     if material[i] < 0:
         return LEFT
@@ -158,14 +162,14 @@ def scatter_one(
     pdf[i] = density
     if density > 0.0:
         fate = SCATTERED if may_spread else STOPPED
-        if rival.size:
-            rival[i] = rival_after(
-                lobes, vertices, i, rivals, x, y, z, density, is_refracted, stack
+        if connection_pdf.size:
+            connection_pdf[i] = connection_pdf_after(
+                lobes, vertices, i, connection, x, y, z, density, is_refracted, stack
             )
     else:
         fate = SPECULAR if may_mirror else STOPPED
-        if rival.size and is_smooth[object_id[i]]:
-            rival[i] = 0.0
+        if connection_pdf.size and is_smooth[object_id[i]]:
+            connection_pdf[i] = 0.0
     # Only light that goes through a clear body's surface may pass to the other side.
     if geometric.shape[0] and leaves_through_face(geometric, i, direction, x, y, z) != is_refracted:
         return ABSORBED
@@ -188,7 +192,7 @@ def scatter_one(
 
 @kernel
 def scatter(
-    lobes, vertices, xi, choice, stack, second, may_spread, may_mirror, roulette, rivals, onward,
+    lobes, vertices, xi, choice, stack, second, may_spread, may_mirror, roulette, connection, onward,
     throughput, pdf, fate,
 ):  # fmt: skip
     """Scatter each ray in one direction: BSDF sampling and Russian roulette.
@@ -209,7 +213,7 @@ def scatter(
         Whether non-delta and delta lobes are followed; False at the depth limit.
     roulette : float
         Above zero: upper limit of the survival probability, which follows throughput.
-    rivals : Rivals
+    connection : ConnectionPdf
         Its ``density`` is changed.
     onward : (n, 3) float64, written
     throughput : (n, 3) float64, changed
@@ -222,5 +226,5 @@ def scatter(
     for i in range(fate.size):
         fate[i] = scatter_one(
             lobes, vertices, i, xi, choice, stack, second, may_spread, may_mirror, roulette, 1.0,
-            rivals, onward, throughput, pdf,
+            connection, onward, throughput, pdf,
         )  # fmt: skip

@@ -128,7 +128,7 @@ class TestPlan:
             (surface_light, "light_on_hits", scene(Lambertian(0.5), lights=()), 0.5),
             (all_lights, "sample_lobes", scene(Lambertian(0.5), environment=None), 0.5),
             (whitted, "mirror_directions", scene(Lambertian(0.5)), None),
-            (whitted, "split_at_glass", scene(Mirror()), None),
+            (whitted, "glass_branches", scene(Mirror()), None),
         ],
         ids=["textures", "matt", "lights", "sky", "mirrors", "glass"],
     )
@@ -180,14 +180,14 @@ class TestPlan:
     @pytest.mark.parametrize(
         ("needs", "needless", "needed"),
         [
-            (lambda to: to.rules.asks_lights, scene(Mirror()), scene(Lambertian(0.5))),
-            (lambda to: to.rules.asks_lights, scene(Lambertian(0.5), (), None),
+            (lambda to: to.rules.samples_lights, scene(Mirror()), scene(Lambertian(0.5))),
+            (lambda to: to.rules.samples_lights, scene(Lambertian(0.5), (), None),
              scene(Lambertian(0.5))),
             (lambda to: to.rules.has_sky, scene(Lambertian(0.5), environment=None),
              scene(Lambertian(0.5))),
             (lambda to: to.path.media.shape[1] == STACK, scene(Metal(0.5, 0.1)),
              scene(Dielectric())),
-            (lambda to: to.rules.has_light_paths and to.path.rival.size, scene(Dielectric()),
+            (lambda to: to.rules.has_light_paths and to.path.connection_pdf.size, scene(Dielectric()),
              ABOVE_A_TABLE),
             (lambda to: to.vertex.ratio.size, scene(Dielectric()),
              scene(RoughDielectric(1.5, 0.3))),

@@ -1,4 +1,4 @@
-"""The lobe of smooth glass: reflection or refraction, sampled by the Fresnel reflectance."""
+"""The lobe of smooth glass: reflection and refraction, with the Fresnel reflectance."""
 
 from hybrid_rt.shading.kernels.fresnel import fresnel, refract, schlick
 from hybrid_rt.shading.kernels.medium_stack import (
@@ -8,7 +8,7 @@ from hybrid_rt.shading.kernels.medium_stack import (
     ior_of,
     pass_surface,
 )
-from meshing.kernels.jit import inlined
+from meshing.kernels.jit import inlined, kernel
 
 
 @inlined
@@ -23,6 +23,51 @@ def reflectance_by(lobes, lobe, cos_i, ratio):
 
 
 @inlined
+def cross_surface(lobes, lobe, stack, i, cos_i, is_front, second):
+    """Take ray i through a dielectric surface, updating ``stack[i]``.
+
+    ``cos_i`` is the cosine to the normal on the side of the ray; other parameters are those of
+    `at_glass`. Returns the reflectance, the cosine beyond, and the index beyond over that before; the
+    last is 0, and so is the reflectance, where the surface is hidden in another body.
+    """
+    before = filling_medium(stack, i, lobes)
+    pass_surface(lobe, stack, i, is_front, second)
+    after = filling_medium(stack, i, lobes)
+    if before == after:
+        return 0.0, cos_i, 0.0
+    ratio = ior_of(lobes, after) / ior_of(lobes, before)
+    reflectance, cos_t = reflectance_by(lobes, lobe, min(cos_i, 1.0), ratio)
+    return reflectance, cos_t, ratio
+
+
+@kernel
+def split_rays(
+    lobes, lobe, direction, normal, front_face, second, stack, reflectance, refracted, ratio
+):
+    """Find both branches of rays at smooth glass, and take their media ``stack`` (n, STACK) through it.
+
+    ``normal`` may have either sign; ``second`` is as in `at_glass`. ``reflectance``, ``ratio`` (n,) are
+    written as `cross_surface` returns them. ``refracted`` (n, 3) is zero where reflection is total, and
+    the direction itself where the surface is hidden.
+    """
+    for i in range(lobe.size):
+        dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
+        nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
+        cos_i = -(dx * nx + dy * ny + dz * nz)
+        if cos_i < 0.0:
+            cos_i, nx, ny, nz = -cos_i, -nx, -ny, -nz
+        cos_i = min(cos_i, 1.0)
+        part, cos_t, at = cross_surface(lobes, lobe[i], stack, i, cos_i, front_face[i], second)
+        reflectance[i], ratio[i] = part, at
+        x, y, z = dx, dy, dz
+        if part == 1.0:
+            x = y = z = 0.0
+        elif at != 0.0:
+            x, y, z = refract(dx, dy, dz, nx, ny, nz, cos_i, cos_t, at)
+        refracted[i, 0], refracted[i, 1], refracted[i, 2] = x, y, z
+
+
+@inlined
 def reflectance_ahead(lobes, lobe, stack, i, cos_i, is_front, second):
     """Return the reflectance at a dielectric; 0 where its surface is hidden in another body.
 
@@ -33,15 +78,9 @@ def reflectance_ahead(lobes, lobe, stack, i, cos_i, is_front, second):
         stack[i, 0], stack[i, 1], stack[i, 2], stack[i, 3],
         stack[i, 4], stack[i, 5], stack[i, 6], stack[i, 7],
     )  # fmt: skip
-    before = filling_medium(stack, i, lobes)
-    pass_surface(lobe, stack, i, is_front, second)
-    after = filling_medium(stack, i, lobes)
+    reflectance, _, _ = cross_surface(lobes, lobe, stack, i, cos_i, is_front, second)
     for k in range(STACK):
         stack[i, k] = kept[k]
-    if before == after:
-        return 0.0
-    ratio = ior_of(lobes, after) / ior_of(lobes, before)
-    reflectance, _ = reflectance_by(lobes, lobe, min(cos_i, 1.0), ratio)
     return reflectance
 
 
@@ -53,19 +92,15 @@ def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi
     `hybrid_rt.shading.kernels.medium_stack`. Returns the direction, the factor on radiance without
     the tint, and whether the ray is refracted and so tinted.
     """
-    before = filling_medium(stack, i, lobes)
     # Kept for what is reflected: STACK places.
     kept = (
         stack[i, 0], stack[i, 1], stack[i, 2], stack[i, 3],
         stack[i, 4], stack[i, 5], stack[i, 6], stack[i, 7],
     )  # fmt: skip
-    pass_surface(lobe, stack, i, is_front, second)
-    after = filling_medium(stack, i, lobes)
-    if before == after:
-        return dx, dy, dz, 1.0, False
     cos_i = min(-(nx * dx + ny * dy + nz * dz), 1.0)
-    ratio = ior_of(lobes, after) / ior_of(lobes, before)
-    reflectance, cos_t = reflectance_by(lobes, lobe, cos_i, ratio)
+    reflectance, cos_t, ratio = cross_surface(lobes, lobe, stack, i, cos_i, is_front, second)
+    if ratio == 0.0:
+        return dx, dy, dz, 1.0, False
     if xi < reflectance:
         for k in range(STACK):
             stack[i, k] = kept[k]

@@ -9,8 +9,8 @@ from hybrid_rt.integrators.kernels.connections import (
     ALONG_X,
     ALONG_Y,
     ALONG_Z,
+    CANDIDATE_COLUMNS,
     CANDIDATES,
-    N_TOLD,
     NONE,
     STEPS,
     X,
@@ -65,11 +65,11 @@ def lit_sides(points):
 
 
 def test_candidates():
-    """Position, the lit side's normal times strength, steps; no strength where nothing joins."""
+    """Position, the lit side's normal times strength, steps; no strength elsewhere than on diffuse surfaces."""
     first_of_pass = np.array(PASSES)
     points = some_light_vertices(PASSES[-1])
     table, first_group = candidates_of(points, first_of_pass, np.array([True, False]))
-    assert table.shape == (first_group[-1], N_TOLD, CANDIDATES)
+    assert table.shape == (first_group[-1], CANDIDATE_COLUMNS, CANDIDATES)
     assert table.ctypes.data % LINE == 0
     strength = np.where(points.material == 0, points.strength, 0.0)
     seen = []
@@ -78,32 +78,32 @@ def test_candidates():
         assert n_groups == -(-(end - begin) // CANDIDATES)
         for group, j in np.ndindex(n_groups, CANDIDATES):
             k = member(group, j, begin, n_groups)
-            told = table[first_group[number] + group, :, j]
+            column = table[first_group[number] + group, :, j]
             if k >= end:
-                assert not told.any()
+                assert not column.any()
                 continue
             seen.append(k)
-            np.testing.assert_array_equal(told[[X, Y, Z]], points.position[k])
+            np.testing.assert_array_equal(column[[X, Y, Z]], points.position[k])
             along = lit_sides(points)[k] * strength[k]
-            np.testing.assert_allclose(told[[ALONG_X, ALONG_Y, ALONG_Z]], along, rtol=1e-15)
-            assert told[STEPS] == points.steps[k]
+            np.testing.assert_allclose(column[[ALONG_X, ALONG_Y, ALONG_Z]], along, rtol=1e-15)
+            assert column[STEPS] == points.steps[k]
     assert sorted(seen) == list(range(PASSES[-1]))
 
 
 class PartOfWorld(NamedTuple):
-    lit: Any
+    light_vertices: Any
     candidates: Any
     first_of_pass: Any
     first_group: Any
 
 
 class PartOfRules(NamedTuple):
-    near: float
+    min_distance: float
     max_depth: int
 
 
 class PartOfVertex(NamedTuple):
-    brings: Any
+    target_pdf: Any
 
 
 class PartOfVertices(NamedTuple):
@@ -126,22 +126,22 @@ def test_a_candidate_stands_for_all(number):
     rows = slice(PASSES[number], PASSES[number + 1])
     way = points.position[rows] - at
     square = (way**2).sum(axis=1)
-    brings = points.strength[rows] * np.maximum(way @ normal[0], 0.0) / square**2
-    brings *= np.maximum(-(lit_sides(points)[rows] * way).sum(axis=1), 0.0)
-    brings[(square < near**2) | (points.material[rows] != 0)] = 0.0
-    brings[points.steps[rows] > max_depth - depth - 1] = 0.0
+    target_pdf = points.strength[rows] * np.maximum(way @ normal[0], 0.0) / square**2
+    target_pdf *= np.maximum(-(lit_sides(points)[rows] * way).sum(axis=1), 0.0)
+    target_pdf[(square < near**2) | (points.material[rows] != 0)] = 0.0
+    target_pdf[points.steps[rows] > max_depth - depth - 1] = 0.0
 
     n_groups = int(np.diff(first_group)[number])
-    found, n_t = np.zeros(brings.size), 200
+    found, n_t = np.zeros(target_pdf.size), 200
     for group, i in np.ndindex(n_groups, n_t):
         s, t = (group + 0.5) / n_groups, (i + 0.5) / n_t
         k, factor = choose_far(world, rules, vertex, vertices, depth, number, s, t)
         if k != NONE:
-            found[k - PASSES[number]] += factor * brings[k - PASSES[number]] / (n_groups * n_t)
-    assert found.sum() == pytest.approx(brings.sum(), rel=1e-12)
+            found[k - PASSES[number]] += factor * target_pdf[k - PASSES[number]] / (n_groups * n_t)
+    assert found.sum() == pytest.approx(target_pdf.sum(), rel=1e-12)
     # Each as often as in proportion to what it brings: to one value of t, at either end of its range.
-    most = max((brings[g::n_groups].sum() for g in range(n_groups)), default=0.0)
-    np.testing.assert_allclose(found, brings, rtol=0, atol=1.01 * most / n_t)
+    most = max((target_pdf[g::n_groups].sum() for g in range(n_groups)), default=0.0)
+    np.testing.assert_allclose(found, target_pdf, rtol=0, atol=1.01 * most / n_t)
 
 
 def test_nothing_to_choose():

@@ -30,9 +30,9 @@ SAMPLE = np.arange(PIXEL.size, dtype=np.uint64) * np.uint64(977)
 class Rules(NamedTuple):
     seed: np.uint64 = np.uint64(SEED)
     first_dimension: np.uint64 = np.uint64(FIRST)
-    asks_lights: bool = True
+    samples_lights: bool = True
     has_light_paths: bool = True
-    near: float = 0.5
+    min_distance: float = 0.5
 
 
 @hot_kernel
@@ -84,6 +84,6 @@ def test_by_way_of_spheres():
 
 def test_unused_slots_are_left_alone():
     points = RunPoints(np.full((2, N_SLOTS, RUN_ALONG), -1.0), *new_run_points(RUN_ALONG)[1:])
-    along(Rules(asks_lights=False, near=np.inf), PIXEL[0], SAMPLE[0], points)
+    along(Rules(samples_lights=False, min_distance=np.inf), PIXEL[0], SAMPLE[0], points)
     is_drawn = (points.xi >= 0.0).all(axis=(0, 2))
     np.testing.assert_array_equal(is_drawn, [False, True, True, True, False])

@@ -312,7 +312,7 @@ class TestPlan:
         def used(*_args, **_kwargs):
             raise AssertionError("photons were shot")
 
-        monkeypatch.setattr(photon_workers.PhotonWorkers, "_shot", used)
+        monkeypatch.setattr(photon_workers.PhotonWorkers, "_shoot", used)
         dark = photons(Scene(self.view(), [floor()]))
         assert not dark.image.any()
         assert dark.report["photons"]["emitted"] == 0

@@ -99,7 +99,7 @@ def test_planes_that_shine_are_seen_and_not_asked(monkeypatch):
     def asked(*_):
         raise AssertionError("a plane was asked for a point")
 
-    monkeypatch.setattr(AllLights, "_asked", asked)
+    monkeypatch.setattr(AllLights, "_sample_lights", asked)
     plane = Object(Plane((2.0, 1.0, 0.5), (-1.0, 0.0, 1.0)), Emissive(1.0, Phong(0.1, 0.5, 500.0)))
     camera = Camera((0.5, 0.5, 1.0), (0.1, 0.1, 0.1), (1.0, 1.0, 0.0), 20, 6, 6)
     np.testing.assert_array_equal(render(Scene(camera, [plane]), passes=4).image, 1.0)

@@ -1,4 +1,4 @@
-"""What camera paths are weighed against: light subpaths that bring the same light.
+"""MIS weights of camera paths against connections to light subpaths, which find the same light.
 
 `hybrid_rt.integrators.kernels.light_paths` derives the weights.
 """
@@ -7,13 +7,13 @@ from hybrid_rt.integrators.kernels.connections import CONNECT_CHANCE
 from hybrid_rt.shading.kernels.bsdf import is_behind
 from hybrid_rt.shading.kernels.emitter import density_of_light_path
 from hybrid_rt.shading.kernels.light_kinds import SURFACE
-from hybrid_rt.shading.kernels.scatter import Rivals, rival_after
+from hybrid_rt.shading.kernels.scatter import ConnectionPdf, connection_pdf_after
 from meshing.kernels.jit import inlined
 
 
 @inlined
-def is_passed_on(world, material, depth, light):
-    """Tell whether light subpaths bring what a vertex of a camera path got straight from a light.
+def is_found_by_light_paths(world, material, depth, light):
+    """Return whether light subpaths also sample the direct light at a vertex of a camera path.
 
     Parameters
     ----------
@@ -31,8 +31,8 @@ def is_passed_on(world, material, depth, light):
 
 
 @inlined
-def density_before(world, rules, paths, material, depth, camera_pdf):
-    """Return `Rivals.before` of a vertex: above zero if a light vertex there would be connected to the path.
+def arrival_pdf(world, rules, paths, material, depth, camera_pdf):
+    """Return `ConnectionPdf.arrival` of a vertex: 0 if a light vertex there is not connected to the path.
 
     Parameters are those of `hybrid_rt.integrators.kernels.path_vertex.leave_vertex`, and the vertex's
     ``material``.
@@ -43,14 +43,14 @@ def density_before(world, rules, paths, material, depth, camera_pdf):
         return 0.0
     if paths.has_met_wide[0] and world.narrow[world.material_of[paths.source_id[0]]]:
         return 0.0
-    # Of the light vertices of a pass, `of_use` a path, one is connected to, with a probability of
-    # CONNECT_CHANCE.
-    return paths.pdf[0] * (rules.of_use / CONNECT_CHANCE)
+    # Each pass has `vertices_per_path` light vertices per light subpath; a camera vertex is connected to
+    # one of them, with a probability of CONNECT_CHANCE.
+    return paths.pdf[0] * (rules.vertices_per_path / CONNECT_CHANCE)
 
 
 @inlined
 def weight_against_light_paths(world, paths, vertex, vertices, light, x, y, z, density, pdf):
-    """Return what the weight of next-event estimation is multiplied by for the light that `is_passed_on`.
+    """Return the factor on the MIS weight of next-event estimation for light that light subpaths find.
 
     Parameters
     ----------
@@ -60,14 +60,18 @@ def weight_against_light_paths(world, paths, vertex, vertices, light, x, y, z, d
         pdf per solid angle of next-event estimation and of BSDF sampling, which are weighted already.
     """
     hit = vertex.hit
-    rivals = Rivals(hit.t, vertex.before, world.is_smooth, hit.object_id, paths.rival)
+    connection = ConnectionPdf(
+        hit.t, vertex.arrival_pdf, world.is_smooth, hit.object_id, paths.connection_pdf
+    )
     is_through = is_behind(hit.normal, paths.directions, 0, x, y, z)
     stack = vertex.beyond if is_through and vertex.beyond.size else paths.media
-    rival = rival_after(world.lobes, vertices, 0, rivals, x, y, z, pdf, is_through, stack)
-    if rival == 0.0:
+    connection_pdf = connection_pdf_after(
+        world.lobes, vertices, 0, connection, x, y, z, pdf, is_through, stack
+    )
+    if connection_pdf == 0.0:
         return 1.0
     leaving = density_of_light_path(world.lights, light, 0.0, stack, 0, world.lobes)
-    # In this order no infinity, of a rival that is next to nothing, meets a zero.
-    by_light_path = pdf * (leaving / rival) / density
+    # In this order no infinity, of a tiny connection_pdf, meets a zero.
+    by_light_path = pdf * (leaving / connection_pdf) / density
     others = 1.0 + (pdf / density) ** 2
     return others / (others + by_light_path * by_light_path)
