@@ -20,7 +20,7 @@ from hybrid_rt.cli.render import (
     shown_progress,
     summary,
 )
-from hybrid_rt.cli.suggestions import option_suggestion
+from hybrid_rt.core.suggestions import option_suggestion
 
 if TYPE_CHECKING:
     from hybrid_rt.scene.scene import Scene

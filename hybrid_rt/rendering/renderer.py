@@ -10,9 +10,9 @@ from dataclasses import asdict, fields
 
 from hybrid_rt.core import checks
 from hybrid_rt.core.interrupts import hear_again, heard_anywhere, heard_at_stops, kept_back
-from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.ledger import Ledger, plain
 from hybrid_rt.core.progress import Progress, watch_compilation
+from hybrid_rt.core.suggestions import explains
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.integrators import DEFAULT, INTEGRATORS, Declaration, Options
 from hybrid_rt.integrators.options import DEEPEST
