@@ -6,7 +6,7 @@ import functools
 import inspect
 import re
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from types import TracebackType
 from typing import Any, TypeVar, cast
@@ -133,21 +133,7 @@ def _argument(name: str, takes: Iterable[str]) -> str:
     return like(name, takes) or f"it takes {', '.join(takes)}"
 
 
-# What other renderers call it.
-_OPTION_OF = {
-    "--samples": "--passes",
-    "--samples-per-pixel": "--passes",
-    "--spp": "--passes",
-    "--iterations": "--passes",
-    "--bounces": "--max-depth",
-    "--max-bounces": "--max-depth",
-    "--depth": "--max-depth",
-    "--size": "--width",
-    "--resolution": "--width",
-}
-
-
-def option_suggestion(message: str, known: Iterable[str]) -> str:
+def option_suggestion(message: str, known: Iterable[str], meant: Mapping[str, str]) -> str:
     """Return ": did you mean ...?" for the first unknown option that resembles a known one, or "".
 
     Parameters
@@ -156,11 +142,13 @@ def option_suggestion(message: str, known: Iterable[str]) -> str:
         Of argparse: "unrecognized arguments: ...".
     known : iterable of str
         Options of the command, "--passes" and so on.
+    meant : mapping of str to str
+        Options by the names that other programs have for them.
     """
     known = [option for option in known if option.startswith("--")]
     for word in message.partition(": ")[2].split():
         wrong = word.partition("=")[0].lower()
-        near = _OPTION_OF.get(wrong, "")
+        near = meant.get(wrong, "")
         near = near if near in known else nearest(wrong, known)
         if wrong.startswith("--") and near:
             return f": did you mean {near}?"
