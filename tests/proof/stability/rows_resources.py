@@ -253,7 +253,7 @@ def killed(effort: Effort) -> Outcome:
             child.kill()
             total = total.checked(child.wait() == -signal.SIGKILL, "the child ended by itself")
             part = render(room(), passes=before + 1, store=name, resume=True)
-            done, kept = part.report["passes"], part.report["store"]
+            done, kept = part.report.passes, part.report["store"]
             whole = render(room(), passes=done)
             total += Outcome(
                 rays=whole.image.size, wrong=int((part.image != whole.image).sum())
