@@ -73,7 +73,7 @@ def __getattr__(name: str) -> Any:
     elif name in _HOMES:
         value = getattr(import_module(f"hybrid_rt.{_HOMES[name]}"), name)
     else:
-        import_module("hybrid_rt.core.other_names").refuse(name, __all__)
+        import_module("hybrid_rt.core.suggestions").refuse(name, __all__)
     globals()[name] = value
     return value
 

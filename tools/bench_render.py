@@ -192,12 +192,12 @@ def _measure(path: Path, coarse: str, options: argparse.Namespace) -> dict[str, 
         result = run(passes, 1)
         error = relative_mse(result.image, reference.image)
         trimmed = relative_mse(result.image, reference.image, leave_out=1e-3)
-        seconds = result.report["seconds"]
+        seconds = result.report.seconds
         curve.append({"passes": passes, "seconds": seconds, "relmse": error, "trimmed": trimmed})
         if error <= min(options.targets):
             break
         passes *= 2
-    rays = sum(result.report["rays"].values())
+    rays = sum(result.report.rays.values())
     totals = [point["seconds"]["total"] for point in curve]
     errors = [point["relmse"] for point in curve]
     return {
@@ -206,7 +206,7 @@ def _measure(path: Path, coarse: str, options: argparse.Namespace) -> dict[str, 
         "coarse": result.report["coarse"],
         "size": [scene.camera.width, scene.camera.height],
         "rays_per_second": rays / totals[-1],
-        "rays_per_camera_ray": rays / result.report["rays"]["camera"],
+        "rays_per_camera_ray": rays / result.report.rays["camera"],
         "curve": curve,
         "relmse_of_reference": own,
         "seconds_to": {str(e): seconds_to(e, totals, errors) for e in options.targets},

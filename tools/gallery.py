@@ -145,19 +145,19 @@ def show(script: Path, args: argparse.Namespace) -> dict[str, Any]:
     with replacing(picture) as file:
         imageio.imwrite(file, pixels, extension=".webp", quality=QUALITY, method=6)
     report = result.report
-    photons, noise = report.get("photons"), report["noise"]
+    photons, noise = report.photons, report.noise
     return {
         "about": text.split('"""')[1].split("\n")[0],
         "integrator": integrator,
         "size": [width, height],
-        "passes": report["passes"],
-        "photons": photons and photons["per_pass"],
+        "passes": report.passes,
+        "photons": photons and photons.per_pass,
         "alpha": ALPHA.get(script.stem),
         "processor_seconds": round(spent, 1),
-        "noise": noise and noise["relative_rmse"],
-        "noise_trimmed": noise and noise["relative_rmse_trimmed"],
-        "blur": photons and photons["blur_relative_rmse"],
-        "blur_at_most": photons and photons["blur_relative_rmse_at_most"],
+        "noise": noise and noise.relative_rmse,
+        "noise_trimmed": noise and noise.relative_rmse_trimmed,
+        "blur": photons and photons.blur_relative_rmse,
+        "blur_at_most": photons and photons.blur_relative_rmse_at_most,
         "exposure": stops,
     }
 

@@ -110,15 +110,15 @@ def facts(
 ) -> dict[str, Any]:
     """Return what is said of a panel."""
     report = result.report
-    noise = report["noise"]
+    noise, photons = report.noise, report.photons
     return {
         "accuracy": accuracy,
         "tolerance": tolerance,
-        "triangles": report["coarse"]["triangles"],
-        "passes": report["passes"],
-        "photons": report["photons"]["per_pass"],
+        "triangles": report.coarse.triangles,
+        "passes": report.passes,
+        "photons": photons and photons.per_pass,
         "processor_seconds": round(seconds, 1),
-        "noise_trimmed": noise and noise["relative_rmse_trimmed"],
+        "noise_trimmed": noise and noise.relative_rmse_trimmed,
     }
 
 

@@ -88,7 +88,7 @@ def main() -> int:
             )
         except RenderInterrupted as interrupt:
             result = interrupt.result
-        n = result.report["passes"]
+        n = result.passes
         # Small passes are made many together: two such groups have filled all buffers.
         warm = max(WARM, 2 * TOGETHER // log.n_pixels)
         if n < warm + 2 * OVER:
@@ -98,7 +98,7 @@ def main() -> int:
             "width": args.width,
             "height": height,
             "passes": n,
-            "seconds": result.report["seconds"]["total"],
+            "seconds": result.seconds,
             "first": log.over(warm, warm + OVER),
             "last": log.over(n - OVER, n),
             "peak_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10,

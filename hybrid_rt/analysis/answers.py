@@ -15,7 +15,7 @@ from hybrid_rt.analysis.method_forecast import seconds_fall
 from hybrid_rt.analysis.reference import Reference, off_itself
 from hybrid_rt.analysis.units import asked, number, percent, seconds, signed_percent
 from hybrid_rt.analysis.work_precision import PictureStudy
-from hybrid_rt.rendering.forecast import SHARE_OF_FEW
+from hybrid_rt.rendering.report import SHARE_OF_FEW
 from hybrid_rt.rendering.versions import versions
 
 Conditions = list[tuple[str, str]]

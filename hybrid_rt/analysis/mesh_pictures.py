@@ -14,7 +14,6 @@ from hybrid_rt.analysis.methods import Method, curved_surfaces, finds_all_light
 from hybrid_rt.analysis.reference import (
     Image,
     run_method,
-    seconds_of_passes,
     short_render,
     stated_error,
 )
@@ -37,7 +36,7 @@ def steadiest(scene: Scene, methods: Sequence[Method], threads: int | None) -> M
         probe = short_render(scene, method, FEWEST_PASSES, MOST_PASSES, PROBE_SEED, threads)
         assert probe is not None
         report, _ = probe
-        work = seconds_of_passes(report) * stated_error(report, "both_trimmed") ** 2
+        work = report.seconds_of_passes * stated_error(report, "both_trimmed") ** 2
         return math.inf if math.isnan(work) else work
 
     return methods[0] if len(methods) == 1 else min(methods, key=squared_error_times_seconds)

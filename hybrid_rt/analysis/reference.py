@@ -16,8 +16,8 @@ from hybrid_rt.analysis.units import percent
 from hybrid_rt.analysis.units import seconds as in_seconds
 from hybrid_rt.core.progress import Say
 from hybrid_rt.integrators import DEFAULT, INTEGRATORS
-from hybrid_rt.rendering.forecast import seconds_once
 from hybrid_rt.rendering.renderer import render
+from hybrid_rt.rendering.report import Report
 from hybrid_rt.rendering.result import RenderResult
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.image_metrics import DARK, relative_mse
@@ -131,7 +131,7 @@ def make_reference(
         n = max(passes // FEWER_TO_CHECK, min(passes, 2))
         cost = _cost(scene, others[0], n, threads)
         if cost is not None:
-            as_long = int(seconds_of_passes(main.report) / cost[1])
+            as_long = int(main.report.seconds_of_passes / cost[1])
             n = min(n, max(as_long, LEAST_TO_CHECK))
         say(f"the same by {others[0].name}, {n} passes{_about(cost, n)}")
         other = run_method(scene, others[0], n, CHECK_SEED, threads, "standard_error")
@@ -148,11 +148,11 @@ def make_reference(
             stated_error(main.report, part),
             float(main.image.mean(dtype=np.float64)),
             main.mean_half_interval,
-            main.report["seconds"]["total"],
+            main.report.total_seconds,
             check,
             n_main,
             power=Method(name, name).power,
-            light_not_found=main.report["light_not_found"],
+            light_not_found=main.report.light_not_found,
             measured=main.report["light_not_found_measured"],
             mean_noise=noise_of_mean(main.report),
         ),
@@ -171,7 +171,7 @@ def _cost(
     if probe is None:
         return None
     report, n = probe
-    return seconds_once(report["seconds"]), max(seconds_of_passes(report), 1e-6) / n
+    return report.seconds_once, max(report.seconds_of_passes, 1e-6) / n
 
 
 def _about(cost: tuple[float, float] | None, passes: int) -> str:
@@ -192,7 +192,7 @@ def _checked(
     return {
         "made_by": f"{name}, {passes} passes",
         "passes": passes,
-        "seconds": other.report["seconds"]["total"],
+        "seconds": other.report.total_seconds,
         "own_error": stated_error(other.report, part),
         "gap": means[1] - means[0],
         "gap_half_interval": math.hypot(main.mean_half_interval, other.mean_half_interval),
@@ -274,15 +274,9 @@ def run_method(
     )
 
 
-def seconds_of_passes(report: dict[str, Any]) -> float:
-    """Return the seconds of a render that grow with its passes."""
-    seconds = report["seconds"]
-    return float(seconds["total"] - seconds_once(seconds))
-
-
 def short_render(
     scene: Scene, method: Method, passes: int, most: int, seed: int, threads: int | None
-) -> tuple[dict[str, Any], int] | None:
+) -> tuple[Report, int] | None:
     """Render with more and more passes, from some on, until they take long enough to tell what one costs.
 
     Returns
@@ -293,6 +287,6 @@ def short_render(
     found, spent = None, 0.0
     while passes <= most and spent < LONG_ENOUGH:
         report = run_method(scene, method, passes, seed, threads).report
-        found, spent = (report, passes), seconds_of_passes(report)
+        found, spent = (report, passes), report.seconds_of_passes
         passes *= GROWTH
     return found

@@ -38,10 +38,10 @@ class Runs:
     def add_dearest(self, result: RenderResult) -> None:
         """Keep what the render of the dearest setting tells."""
         self.images.append(result.image)
-        self.left_out = result.report["light_not_found"]
-        measured = result.report["light_not_found_measured"]
-        if measured is not None and measured["mean"] is not None:
-            self.unfound.append(measured["mean"])
+        self.left_out = result.report.light_not_found
+        measured = result.report.light_not_found_measured
+        if measured is not None and measured.mean is not None:
+            self.unfound.append(measured.mean)
 
 
 def next_passes(spent: Mapping[int, float], seconds: float) -> int | None:
@@ -145,19 +145,17 @@ def _in_words(numbers: Sequence[int]) -> str:
 def _row(result: RenderResult, truth: Image) -> dict[str, float]:
     """Return the figures of one run."""
     errors, report = picture_errors(result.image, truth), result.report
-    stages = report["seconds"]
-    noise = report["noise"] or {}
-    of_mean = noise.get("half_interval_95_of_image_mean", math.nan)
+    stages = report.seconds
     return {
         # The audit of uncertified hits is not part of making the picture.
         "seconds": stages["total"] - stages.get("audit", 0.0),
         "error_of_all": errors.relative_rmse,
         "error_of_most": errors.relative_rmse_of_most,
         "mean_error": errors.relative_mean_error,
-        "half_interval": of_mean,
+        "half_interval": result.mean_half_interval,
         "noise_of_mean": noise_of_mean(report),
         "stated_error": stated_error(report),
         "stated_error_of_most": stated_error(report, "both_trimmed"),
         "build_seconds": stages.get("build", 0.0),
-        "rays": float(sum(report["rays"].values())),
+        "rays": float(sum(report.rays.values())),
     }

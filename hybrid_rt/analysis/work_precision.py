@@ -219,7 +219,7 @@ def _compiled(scene: Scene, methods: Sequence[Method], threads: int | None) -> f
     """Compile what methods need, and return the seconds."""
     small = scene.with_camera(scene.camera.resized(16, 12))
     reports = [run_method(small, method, 1, 0, threads).report for method in methods]
-    return float(sum(report["kernel_compilation_seconds"] for report in reports))
+    return sum(report.kernel_compilation_seconds for report in reports)
 
 
 def _curve(

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import argparse
 import math
-from contextlib import suppress
+from collections.abc import Callable, Sequence
+from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from hybrid_rt.cli.denoise import add_denoise_option
 from hybrid_rt.cli.live import add_live_options
@@ -16,96 +17,48 @@ if TYPE_CHECKING:
     from hybrid_rt.integrators.options import Flag
 
 
-def _seconds(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r}: pass seconds, such as 60") from None
+def _reads(read: Callable[[str], Any]) -> Callable[[str], Any]:
+    """Return a reader of an option's text, of whose errors argparse shows the words."""
 
+    def reader(text: str) -> Any:
+        try:
+            return read(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(f"{text!r}: {error}") from None
 
-def _share(text: str) -> float:
-    try:
-        return float(text[:-1]) / 100.0 if text.endswith("%") else float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r}: pass a share, such as 0.02 or 2%") from None
-
-
-def _whole(text: str) -> int:
-    with suppress(ValueError, OverflowError):
-        number = float(text) if "e" in text.lower() else int(text)
-        if number == int(number):
-            return int(number)
-    raise argparse.ArgumentTypeError(f"{text!r}: pass a whole number, such as 64 or 1e5")
+    return reader
 
 
 def add_render_options(parser: argparse.ArgumentParser) -> None:
     """Add what ``hybrid-rt render`` and scene scripts take."""
-    from hybrid_rt.integrators import DEFAULT, INTEGRATORS
-    from hybrid_rt.rendering.channels import OUTPUTS
-    from hybrid_rt.rendering.limits import DEFAULT_DEPTH
+    from hybrid_rt.rendering.settings import Arguments, declared_in, read_whole
 
-    *others, last = INTEGRATORS
-    parser.add_argument(
-        "--integrator",
-        metavar="I",
-        help=f"{', '.join(others)} or {last} (default: what the scene names, else {DEFAULT})",
-    )
-    parser.add_argument(
-        "--passes",
-        type=_whole,
-        metavar="N",
-        help="samples per pixel (default 16; with a time budget or target error: as many as that takes)",
-    )
-    for flag, integrators in _flags().values():
+    defaults = {one.name: one.default for one in fields(Arguments)}
+    for name, setting in declared_in(Arguments).items():
+        if not setting.help:
+            continue
+        flag, default = f"--{name.replace('_', '-')}", defaults[name]
+        if default is False:
+            parser.add_argument(flag, action="store_true", help=setting.help)
+            continue
+        read = _reads(setting.read)
+        metavar = setting.metavar
+        parser.add_argument(flag, type=read, default=default, metavar=metavar, help=setting.help)
+    parser.set_defaults(integrator=None)
+    for of_integrator, integrators in _flags().values():
         parser.add_argument(
-            f"--{flag.name}",
-            type=_whole if flag.type is int else flag.type,
-            metavar=flag.metavar,
-            help=flag.help.format(", ".join(integrators)),
+            f"--{of_integrator.name}",
+            type=_reads(read_whole) if of_integrator.type is int else of_integrator.type,
+            metavar=of_integrator.metavar,
+            help=of_integrator.help.format(", ".join(integrators)),
         )
     parser.add_argument(
-        "--time-budget",
-        type=_seconds,
-        metavar="S",
-        help="stop after S seconds of this call; on a busy machine later, by up to about a pass or group of passes",
+        "--width",
+        type=_reads(read_whole),
+        metavar="W",
+        help="pixels; alone it keeps the picture's proportions",
     )
-    parser.add_argument(
-        "--target-error",
-        type=_share,
-        metavar="E",
-        help="stop at this estimated relative error of the picture (0.01 or 1%%)",
-    )
-    parser.add_argument(
-        "--target-error-trimmed",
-        type=_share,
-        metavar="E",
-        help="stop at this error without the worst 0.1 %% of the pixels",
-    )
-    parser.add_argument(
-        "--max-depth",
-        type=_whole,
-        default=DEFAULT_DEPTH,
-        metavar="N",
-        help=f"bounces of a path (default {DEFAULT_DEPTH})",
-    )
-    parser.add_argument("--seed", type=_whole, default=0, metavar="S")
-    parser.add_argument("--threads", type=_whole, metavar="N", help="default: all cores")
-    parser.add_argument(
-        "--width", type=_whole, metavar="W", help="pixels; alone it keeps the picture's proportions"
-    )
-    parser.add_argument("--height", type=_whole, metavar="H", help="pixels; as --width")
-    parser.add_argument(
-        "--accuracy", default="certified", metavar="A", help="mesh, refined or certified (default)"
-    )
-    parser.add_argument(
-        "--coarse",
-        default="embree",
-        metavar="C",
-        help="embree (default) or none: certified hits without triangles, the same picture bit for bit",
-    )
-    parser.add_argument(
-        "--tolerance", type=float, metavar="T", help="of the coarse mesh, in scene units"
-    )
+    parser.add_argument("--height", type=_reads(read_whole), metavar="H", help="pixels; as --width")
     parser.add_argument(
         "--out",
         type=Path,
@@ -115,12 +68,6 @@ def add_render_options(parser: argparse.ArgumentParser) -> None:
         "of a.png, a.npz.json of a.npz",
     )
     parser.add_argument(
-        "--outputs",
-        default="",
-        metavar="A,B",
-        help=f"also keep in .npz and .exr: {', '.join(OUTPUTS)}",
-    )
-    parser.add_argument(
         "--exposure",
         type=exposure_stops,
         default=0.0,
@@ -128,29 +75,22 @@ def add_render_options(parser: argparse.ArgumentParser) -> None:
         help="stops, for .png (default 0)",
     )
     add_denoise_option(parser)
-    parser.add_argument(
-        "--store",
-        type=Path,
-        metavar="DIR",
-        help="keep the sums over passes there, every ten seconds: the render can go on after Ctrl-C, a "
-        "crash or its end",
-    )
-    parser.add_argument(
-        "--resume",
-        action="store_true",
-        help="go on from what --store holds, if anything; --passes counts that as well",
-    )
-    parser.add_argument(
-        "--cluster",
-        metavar="ADDRESS",
-        help="let workers of dask.distributed make the passes: tcp://HOST:PORT of a scheduler, or local:N "
-        "for N processes",
-    )
     add_live_options(parser)
     parser.add_argument(
         "--explain", action="store_true", help="after rendering, say what the scene needed and why"
     )
     add_progress_options(parser)
+
+
+def other_options(known: Sequence[str]) -> dict[str, str]:
+    """Return options of a command, all of which are known, by the names that other programs have for them."""
+    if "--passes" not in known:
+        return {}
+    from hybrid_rt.rendering.settings import other_names
+
+    meant = {name.replace("_", "-"): of.replace("_", "-") for name, of in other_names().items()}
+    meant |= {"size": "width", "resolution": "width"}
+    return {f"--{name}": f"--{of}" for name, of in meant.items()}
 
 
 def add_progress_options(parser: argparse.ArgumentParser) -> None:

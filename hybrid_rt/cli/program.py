@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -12,7 +13,12 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from hybrid_rt._version import __version__
 from hybrid_rt.cli.command import BAD_INPUT, guarded, run_tool, say
 from hybrid_rt.cli.completion import SHELLS, completion_action
-from hybrid_rt.cli.options import add_progress_options, add_render_options, exposure_stops
+from hybrid_rt.cli.options import (
+    add_progress_options,
+    add_render_options,
+    exposure_stops,
+    other_options,
+)
 from hybrid_rt.cli.render import (
     render_scene,
     rendered,
@@ -20,7 +26,7 @@ from hybrid_rt.cli.render import (
     shown_progress,
     summary,
 )
-from hybrid_rt.cli.suggestions import option_suggestion
+from hybrid_rt.core.suggestions import option_suggestion
 
 if TYPE_CHECKING:
     from hybrid_rt.scene.scene import Scene
@@ -100,7 +106,7 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Say what is wrong, and what was meant; exit."""
         if message.startswith("unrecognized arguments"):
-            message += option_suggestion(message, self.known)
+            message += option_suggestion(message, self.known, other_options(self.known))
         super().error(message)
 
 
@@ -147,7 +153,7 @@ class _Program(argparse.ArgumentParser):
             chosen = [name for name, command in self.commands.items() if command.is_chosen]
             name = chosen[0] if chosen else "COMMAND"
             known = self.commands[name].known if chosen else []
-            message += option_suggestion(message, known)
+            message += option_suggestion(message, known, other_options(known))
             message += f"{' ' if message.endswith('?') else ': '}hybrid-rt {name} --help lists what there is"
         super().error(message)
 
@@ -313,7 +319,6 @@ def _run_demo(options: argparse.Namespace) -> None:
         raise interrupt
     with shown_progress(options.progress) as progress, watch_compilation(progress):
         comparison = compare_with_mesh(scene, progress=progress)
-    result.report["exact_against_mesh"] = comparison
-    result.save(options.out)
+    replace(result, report=replace(result.report, exact_against_mesh=comparison)).save(options.out)
     say(in_words(comparison))
     say(f"Next: hybrid-rt render {demo.__file__} --passes 64 --width 1280 --explain")

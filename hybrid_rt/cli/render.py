@@ -20,6 +20,7 @@ from hybrid_rt.cli.options import settings_of
 
 if TYPE_CHECKING:
     from hybrid_rt.core.progress import Progress
+    from hybrid_rt.rendering.report import Report
     from hybrid_rt.rendering.result import RenderInterrupted, RenderResult
     from hybrid_rt.scene.scene import Scene
 
@@ -31,18 +32,22 @@ class _Asked:
     Attributes
     ----------
     request : dict
-        Arguments of `render` that depend on neither scene nor integrator.
+        Arguments of `render` that have options, by name.
     outputs : list
         Files to write.
     denoised : dict
         Files of denoised pictures, by what the user calls the pictures.
-    store : Path or None
     """
 
     request: dict[str, Any]
     outputs: list[_Output]
     denoised: dict[str, Path]
-    store: Path | None
+
+    @property
+    def store(self) -> Path | None:
+        """The folder of the store."""
+        folder: Path | None = self.request["store"]
+        return folder
 
 
 def render_scene(
@@ -79,16 +84,10 @@ def render_scene(
             # From here on, so that nothing comes between the render's end and the files.
             until_saved.enter_context(heard_at_stops())
             with _said_of_store(asked.store):
+                request = {**asked.request, "integrator": integrator}
+                own = settings_of(integrator, options)
                 result, interrupt = rendered(
-                    scene,
-                    integrator=integrator,
-                    options=settings_of(integrator, options),
-                    progress=progress,
-                    store=asked.store,
-                    resume=options.resume,
-                    cluster=options.cluster,
-                    watch=page,
-                    **asked.request,
+                    scene, **request, options=own, progress=progress, watch=page
                 )
             until_saved.enter_context(held_back())
         # Before anything is printed: the reader of a pipe may have closed it.
@@ -107,14 +106,14 @@ def render_scene(
     if options.explain:
         from hybrid_rt.scene.plan import explain
 
-        say(explain(result.report["plan"]))
+        say(explain(result.report.plan))
     say_numbers(result.report)
-    reasons, is_stopped = list(failures.values()), result.report["stopped_by"] == "watcher"
-    if result.report["cluster"] is not None and result.report["cluster"]["lost"]:
-        reasons.append(result.report["cluster"]["lost"])
+    reasons, is_stopped = list(failures.values()), result.report.stopped_by == "watcher"
+    if result.report.cluster is not None and result.report.cluster.lost:
+        reasons.append(result.report.cluster.lost)
     if asked.store is not None:
-        kept = result.report["store"]
-        reasons += [kept["not_saved"]] if kept["not_saved"] else []
+        kept = result.report.store
+        reasons += [kept.not_saved] if kept is not None and kept.not_saved else []
         say(_how_to_go_on(result.report))
     if reasons:
         raise OSError("\nhybrid-rt: ".join(reasons))
@@ -125,25 +124,20 @@ def render_scene(
 
 def _checked(name: str, options: argparse.Namespace) -> _Asked:
     """Refuse what cannot be, before a script runs that may take its time."""
-    from hybrid_rt.rendering.renderer import check_request
+    from hybrid_rt.rendering.settings import Arguments, checked, declared_in
     from hybrid_rt.sensor.image_files import keeps_channels
 
     outputs = [_Output(path) for path in options.out or [Path(f"{name}.png")]]
-    channels = [word.strip() for word in options.outputs.split(",") if word.strip()]
-    request = {
-        "passes": options.passes,
-        "time_budget": options.time_budget,
-        "target_error": options.target_error,
-        "target_error_trimmed": options.target_error_trimmed,
-        "seed": options.seed,
-        "max_depth": options.max_depth,
-        "threads": options.threads,
-        "accuracy": options.accuracy,
-        "coarse": options.coarse,
-        "tolerance": options.tolerance,
-        "outputs": channels,
-    }
-    check_request(**request)
+    if options.resume and options.store is None:
+        raise ValueError("--resume: there is no --store to go on from, name its folder")
+    if options.integrator is not None:
+        settings_of(options.integrator, options)
+    names = [name for name, setting in declared_in(Arguments).items() if setting.help]
+    request = {name: getattr(options, name) for name in names if name != "integrator"}
+    if options.store is not None:
+        request["store"] = options.store.absolute()
+    request = checked(request)
+    channels = request["outputs"]
     if channels and not any(keeps_channels(output.file) for output in outputs):
         raise ValueError(
             f"--outputs {','.join(channels)}: a .png holds none of them: add --out {name}.npz or .exr"
@@ -154,26 +148,15 @@ def _checked(name: str, options: argparse.Namespace) -> _Asked:
 
         denoised = denoised_files({output.shown: output.file for output in outputs})
         request["outputs"] = list(dict.fromkeys([*channels, *GUIDES]))
-    if options.integrator is not None:
-        settings_of(options.integrator, options)
-    store = None
-    if options.store is not None:
-        from hybrid_rt.rendering.store import check_folder
-
-        store = check_folder(options.store, options.resume).absolute()
+    store = request["store"]
+    if store is not None:
         for output in outputs:
             if store.resolve() in output.file.resolve().parents:
                 raise ValueError(
                     f"--out {output.shown} is in the folder of --store {options.store}, which "
                     "holds nothing but its render: name a file elsewhere"
                 )
-    elif options.resume:
-        raise ValueError("--resume: there is no --store to go on from, name its folder")
-    if options.cluster is not None:
-        from hybrid_rt.rendering.cluster import check_address
-
-        check_address(options.cluster)
-    return _Asked(request, outputs, denoised, store)
+    return _Asked(request, outputs, denoised)
 
 
 @contextmanager
@@ -198,20 +181,19 @@ def _said_of_store(folder: Path | None) -> Iterator[None]:
         ) from None
 
 
-def _how_to_go_on(report: dict[str, Any]) -> str:
+def _how_to_go_on(report: Report) -> str:
     """Say what a store holds, what was lost, and by which command the render goes on."""
     from hybrid_rt.rendering.units import passes_in_words
 
-    kept = report["store"]
-    lines = [f"  store     {note}" for note in kept["lost"]]
-    before = kept["passes_before"]
+    kept = report.store
+    assert kept is not None
+    lines = [f"  store     {note}" for note in kept.lost]
+    before = kept.passes_before
     since = f", {before} of them from before" if before else ""
-    if not kept["not_saved"]:
-        lines.append(
-            f"  store     {kept['folder']} holds {passes_in_words(report['passes'])}{since}"
-        )
+    if not kept.not_saved:
+        lines.append(f"  store     {kept.folder} holds {passes_in_words(report.passes)}{since}")
     # Where pixels are not finite what is in the sums stays, and no pass would be added.
-    if report["stopped_by"] != "not_finite":
+    if report.stopped_by != "not_finite":
         words = [*sys.argv[1:], *([] if "--resume" in sys.argv else ["--resume"])]
         command = [*program_words(), *_with_limit_moved(words, report)]
         lines.append(f"  go on     {shlex.join(command)}")
@@ -228,23 +210,23 @@ def program_words() -> list[str]:
     return sys.orig_argv[:n_words]  # "python -m hybrid_rt" and "python prog.py" among them
 
 
-def _with_limit_moved(command: list[str], report: dict[str, Any]) -> list[str]:
+def _with_limit_moved(command: list[str], report: Report) -> list[str]:
     """Return a command with the limit that stopped its render moved, so that it renders further.
 
     The passes that the line "further" forecasts, or half the error that was reached (then without a time
     budget, which was enough for the larger error). A time budget is one for each call, and a render that
     was broken off has not reached its limits: their commands stay as they are.
     """
-    from hybrid_rt.rendering.forecast import ERRORS, further
+    from hybrid_rt.rendering.forecast import further
 
-    stopped_by, error = report["stopped_by"], report["relative_error"]
-    if stopped_by in ERRORS and error[ERRORS[stopped_by]] > 0.0:
+    stopped_by, error = report.stopped_by, report.relative_error
+    if error is not None and stopped_by in report.settings.targets and error.of(stopped_by) > 0.0:
         option = f"--{stopped_by.replace('_', '-')}"
-        value = f"{error[ERRORS[stopped_by]] / 2:.1g}"  # as the line "further" says it
+        value = f"{error.of(stopped_by) / 2:.1g}"  # as the line "further" says it
         command = _without("--time-budget", command)
     elif stopped_by in ("passes", "blur"):
         told = further(report)
-        option, value = "--passes", str(2 * report["passes"] if told is None else told.passes)
+        option, value = "--passes", str(2 * report.passes if told is None else told.passes)
     else:
         return command
     return [*_without(option, command), option, value]
@@ -317,17 +299,16 @@ def shown_progress(mode: str) -> Iterator[Progress | None]:
             progress.close()
 
 
-def summary(report: dict[str, Any]) -> str:
+def summary(report: Report) -> str:
     """Return passes and seconds of a render in words."""
     from hybrid_rt.rendering.units import passes_in_words
 
-    seconds = report["seconds"]
-    compiling = report["kernel_compilation_seconds"]
-    text = f"{passes_in_words(report['passes'])}, {seconds['total']:.1f} s"
+    compiling = report.kernel_compilation_seconds
+    text = f"{passes_in_words(report.passes)}, {report.total_seconds:.1f} s"
     return text + (f" and {compiling:.1f} s compiling kernels" if compiling >= 0.1 else "")
 
 
-def say_numbers(report: dict[str, Any]) -> None:
+def say_numbers(report: Report) -> None:
     """Print what a report says of its render."""
     from hybrid_rt.rendering.summary import in_words
 

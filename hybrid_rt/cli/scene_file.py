@@ -17,8 +17,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from hybrid_rt.cli.suggestions import suggestion
 from hybrid_rt.core import checks
+from hybrid_rt.core.suggestions import suggestion
 from hybrid_rt.scene.scene import Scene
 from meshing.checks import as_path, text_of
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from hybrid_rt.core import checks
-from hybrid_rt.core.keywords import explains
+from hybrid_rt.core.suggestions import explains
 
 WAYS = ("both", "lights", "directions")
 # Far more photons than any machine holds, which `hybrid_rt.rendering.memory` says in time.

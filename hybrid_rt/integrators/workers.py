@@ -8,7 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from queue import SimpleQueue
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,9 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.core.threads import as_done
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.integrator import BLOCK, Integrator
+
+if TYPE_CHECKING:
+    from hybrid_rt.integrators.photons.figures import PhotonFigures
 
 # Camera rays of the passes that are traced together: enough blocks for every thread, while the
 # radiances of all of them stay small.
@@ -300,10 +303,15 @@ class Workers:
         del image
         return NO_BLUR
 
-    def report(self, blur: Blur) -> dict[str, Any]:
-        """Return the integrator's own entries of the report."""
+    def photons(self, blur: Blur) -> PhotonFigures | None:
+        """Return what the report says of photons; None: there are none."""
         del blur
-        return {"points_missed_by_photons": 0}
+        return None
+
+    @property
+    def n_missed(self) -> int:
+        """Points that gather light and met no photon, if these are nearly all; else 0."""
+        return 0
 
     def counts(self) -> Counts:
         """Return what all threads have counted, while none of them is at work.

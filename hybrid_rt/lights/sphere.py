@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
-from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.one_line import call, one_or_three
+from hybrid_rt.core.suggestions import explains
 from hybrid_rt.lights.light import Light, LightRow, lamp_radiance
 from hybrid_rt.primitives import Sphere
 from hybrid_rt.shading.kernels.light_kinds import SPHERE

@@ -9,8 +9,10 @@ from typing import Any
 
 from hybrid_rt.core.ledger import plain
 from hybrid_rt.core.memory import peak_memory_mib
+from hybrid_rt.core.plain_records import plain_fields
 from hybrid_rt.integrators.workers import Workers
 from hybrid_rt.rendering.limits import Clock, Limit
+from hybrid_rt.rendering.report import Report
 from hybrid_rt.rendering.summary import in_words
 from hybrid_rt.rendering.watcher import Beginning
 from hybrid_rt.sensor.film import Film
@@ -61,7 +63,7 @@ class RenderState:
         unfound = beginning.unfound
         self._about = {
             **self._about,
-            "settings": settings,
+            "settings": plain(plain_fields(settings)),
             "threads": beginning.threads,
             "width": camera.width,
             "height": camera.height,
@@ -75,8 +77,8 @@ class RenderState:
         self._n_pixels = camera.width * camera.height
         self._noted["passes"] = beginning.film.n_passes
         # Without a number of passes the total is a guess, and none before there is an estimate.
-        self._is_total_known = settings["passes"] is not None or not any(
-            settings[name] for name in ("time_budget", "target_error", "target_error_trimmed")
+        self._is_total_known = settings.passes is not None or not any(
+            (settings.time_budget, *settings.targets.values())
         )
         self._began, self._set_up = time.perf_counter(), beginning.clock.seconds
         self._worked, self._threads = time.process_time(), beginning.threads
@@ -118,26 +120,26 @@ class RenderState:
         self._n_own += 1
 
     def _add_error(
-        self, n: int, seconds: float, whole: float, trimmed: float, blur: float | None
+        self, n: int, seconds: float, whole: float | None, trimmed: float | None, blur: float | None
     ) -> None:
         self._n_estimated = n
         point = {"passes": n, "whole": whole, "trimmed": trimmed, "blur": blur}
         # Passes lessen the error, what comes before them does not.
         self._errors = [*self._errors, plain({**point, "seconds": seconds - self._set_up})]
 
-    def end(self, report: dict[str, Any]) -> None:
+    def end(self, report: Report) -> None:
         """Take the report of a picture that is done."""
-        errors, passes = report["relative_error"], report["passes"]
-        seconds = report["seconds"]["total"]
+        errors, passes = report.relative_error, report.passes
+        seconds = report.total_seconds
         self._noted = {
             "passes": passes,
             "seconds": seconds,
             "counts": _counts_of_report(report),
         }
         if errors is not None and passes > self._n_estimated:
-            blur = errors["blur"] if errors["blur"] is not None else errors["blur_at_most"]
-            self._add_error(passes, seconds, errors["both"], errors["both_trimmed"], blur)
-        self._end = {"stopped_by": report["stopped_by"], "report": in_words(report)}
+            blur = errors.blur if errors.blur is not None else errors.blur_at_most
+            self._add_error(passes, seconds, errors.both, errors.both_trimmed, blur)
+        self._end = {"stopped_by": report.stopped_by, "report": in_words(report)}
         self._phase = "done"
 
     def finish(self, phase: str, words: str) -> None:
@@ -178,12 +180,11 @@ def _counts(workers: Workers, seconds: float) -> dict[str, Any]:
     )
 
 
-def _counts_of_report(report: dict[str, Any]) -> dict[str, Any]:
-    work = report["intersection"]
-    n_traced = work["rays"] + work["shadow_rays"]
-    n_certified = report["geometry"]["certified_rays"]
-    seconds = report["seconds"]["total"]
-    return _in_groups(report["rays"], report["hits"], n_traced, n_certified, work, seconds)
+def _counts_of_report(report: Report) -> dict[str, Any]:
+    work = report.intersection
+    n_certified = report.geometry.certified_rays
+    seconds = report.total_seconds
+    return _in_groups(report.rays, report.hits, report.n_traced, n_certified, work, seconds)
 
 
 def _in_groups(

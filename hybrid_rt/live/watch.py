@@ -17,6 +17,7 @@ from hybrid_rt.live.probe import Probe
 from hybrid_rt.live.server import PageServer
 from hybrid_rt.live.state import RenderState
 from hybrid_rt.rendering.limits import Clock, Limit
+from hybrid_rt.rendering.report import Report
 from hybrid_rt.rendering.watcher import Beginning
 from hybrid_rt.sensor.film import Film
 
@@ -75,7 +76,7 @@ class LivePage:
         """Hear that more passes are complete."""
         self.state.note(film, workers, limit, clock)
 
-    def end(self, report: dict[str, Any]) -> None:
+    def end(self, report: Report) -> None:
         """Hear the report of the picture."""
         if self._pictures is not None:
             self._pictures.is_final = True

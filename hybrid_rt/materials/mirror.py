@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.one_line import call
+from hybrid_rt.core.suggestions import explains
 from hybrid_rt.materials.material import Lobe, Material
 from hybrid_rt.shading.kernels.lobes.register import MIRROR
 from hybrid_rt.textures.texture import Texture, as_texture, plain_color

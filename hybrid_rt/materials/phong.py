@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
-from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.one_line import call
+from hybrid_rt.core.suggestions import explains
 from hybrid_rt.materials.material import Lobe, Material
 from hybrid_rt.shading.kernels.lobes.register import DIFFUSE, NARROW, PHONG, WIDE
 from hybrid_rt.textures.texture import Texture, as_texture, plain_color

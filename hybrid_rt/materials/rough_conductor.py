@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
-from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.one_line import call, one_or_three
 from hybrid_rt.core.records import FloatArray
+from hybrid_rt.core.suggestions import explains
 from hybrid_rt.materials.material import Lobe, Material
 from hybrid_rt.materials.roughness import alpha_of
 from hybrid_rt.shading.kernels.lobes.register import NARROW, ROUGH_CONDUCTOR, WIDE

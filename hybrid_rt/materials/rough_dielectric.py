@@ -7,8 +7,8 @@ import math
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
-from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.one_line import call
+from hybrid_rt.core.suggestions import explains
 from hybrid_rt.materials.dielectric import EXTREME, changed
 from hybrid_rt.materials.material import Lobe, Material
 from hybrid_rt.materials.roughness import alpha_of

@@ -15,14 +15,16 @@ from collections import deque
 from collections.abc import Callable, Generator
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 from hybrid_rt.core import checks
 from hybrid_rt.core.interrupts import heard_anywhere, unheard_by_others
 from hybrid_rt.integrators.workers import Made, Pass, Workers
+from hybrid_rt.rendering.report import ClusterFigures
 from hybrid_rt.rendering.run import ClusterLost
-from hybrid_rt.rendering.set_up import Request
+from hybrid_rt.rendering.settings import Settings
 from hybrid_rt.rendering.versions import versions
+from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.passes import RUN
 
 if TYPE_CHECKING:
@@ -50,8 +52,8 @@ _OWN_LOCALLY = (
 TRIES = 5
 
 
-def check_address(address: str) -> None:
-    """Raise unless an address is "tcp://HOST:PORT" (or another protocol of dask's) or "local:N"."""
+def check_address(address: str) -> str:
+    """Return an address; raise unless it is "tcp://HOST:PORT" (or by another protocol of dask's) or "local:N"."""
     if not isinstance(address, str):
         raise TypeError(f"cluster is {checks.shown(address)}: pass 'tcp://HOST:PORT' or 'local:N'")
     number = address.removeprefix(LOCAL)
@@ -63,6 +65,7 @@ def check_address(address: str) -> None:
         raise ModuleNotFoundError(
             f"cluster {address!r} needs dask.distributed: pip install 'hybrid-rt[cluster]'"
         )
+    return address
 
 
 @dataclass
@@ -93,11 +96,10 @@ class Cluster:
     ----------
     address : str
         See `check_address`.
-    request : Request
+    scene : Scene
+    settings : Settings
     here : Workers
         Of this process: they count what others counted.
-    last : int, optional
-        Number of passes beyond which none is asked for.
 
     Raises
     ------
@@ -107,12 +109,13 @@ class Cluster:
         If the scene cannot be sent to other processes.
     """
 
-    def __init__(self, address: str, request: Request, here: Workers, last: int | None) -> None:
-        self._here, self._address, self._last = here, address, last
+    def __init__(self, address: str, scene: Scene, settings: Settings, here: Workers) -> None:
+        # Passes beyond the last one are not asked for.
+        self._here, self._address, self._last = here, address, settings.limit.passes
         self._key = f"hybrid-rt-{uuid.uuid4().hex[:12]}"
-        self._request = request
+        self._camera, self._integrator = scene.camera, settings.integrator
         try:
-            self._pickled = pickle.dumps(request)
+            self._pickled = pickle.dumps((scene, settings))
         except (pickle.PicklingError, AttributeError, TypeError) as error:
             raise ValueError(
                 f"cluster {address!r}: the scene cannot be sent to other processes "
@@ -205,7 +208,7 @@ class Cluster:
         """Yield at least the passes asked for, in their order; a run may end beyond them."""
         if self._yielded != passes.start:
             self._asked = self._yielded = passes.start
-        n_pixels = self._request.scene.camera.width * self._request.scene.camera.height
+        n_pixels = self._camera.width * self._camera.height
 
         def hear() -> None:
             if on_rays is not None:
@@ -286,7 +289,7 @@ class Cluster:
         """Take nothing that cannot be what was asked for: it would be in the picture for good."""
         from hybrid_rt.rendering.cluster_tasks import check_result
 
-        camera, passes = self._request.scene.camera, range(task.first, task.stop)
+        camera, passes = self._camera, range(task.first, task.stop)
         size = camera.height, camera.width
         try:
             check_result(result, passes, size, self._counts, self._has_blur)
@@ -383,7 +386,7 @@ class Cluster:
                 fit.append(who)
         if not fit:
             return
-        packed = self._key, self._request.integrator, self._pickled
+        packed = self._key, self._integrator, self._pickled
         for who, error in self._client.run(
             keep_scene, *packed, workers=fit, on_error="return"
         ).items():
@@ -416,18 +419,19 @@ class Cluster:
             f"passes {task.first} to {task.stop - 1} failed {task.tries} times ({_words(error)})"
         )
 
-    def about(self) -> dict[str, Any]:
-        """Return the report's entry."""
-        return {
-            "address": self._address,
-            "workers": len(self._seen.workers),
-            "threads": sum(self._threads.values()),
-            "refused": self._seen.refused,
-            "tasks": self._seen.tasks,
-            "tried_again": self._seen.tried_again,
-            "seconds_of_tasks": round(self._seen.seconds, 4),
-            "mib_received": round(self._seen.received / 2**20, 2),
-        }
+    def about(self, lost: str) -> ClusterFigures:
+        """Return the report's entry; ``lost``: why the cluster was lost, or ""."""
+        return ClusterFigures(
+            address=self._address,
+            workers=len(self._seen.workers),
+            threads=sum(self._threads.values()),
+            refused=self._seen.refused,
+            tasks=self._seen.tasks,
+            tried_again=self._seen.tried_again,
+            seconds_of_tasks=round(self._seen.seconds, 4),
+            mib_received=round(self._seen.received / 2**20, 2),
+            lost=lost,
+        )
 
 
 def _words(error: object) -> str:

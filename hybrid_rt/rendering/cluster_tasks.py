@@ -19,7 +19,7 @@ from hybrid_rt.core.ledger import Ledger
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.integrators.workers import Counts, Made, Pass, Run, Workers
-from hybrid_rt.rendering.set_up import Ready, Request, set_up
+from hybrid_rt.rendering.set_up import Ready, set_up
 from hybrid_rt.sensor.film import OVERFLOWS
 from hybrid_rt.sensor.passes import GROUPS, RUN
 
@@ -64,7 +64,7 @@ def keep_scene(key: str, integrator: str, pickled: bytes) -> None:
     key : str
     integrator : str
     pickled : bytes
-        A `Request`, which only a process that knows its integrator can read.
+        A scene and `Settings`, which only a process that knows its integrator can read.
     """
     _SCENES.setdefault(key, PreparedScene(integrator, pickled))
 
@@ -256,9 +256,9 @@ class PreparedScene:
                 raise UnknownIntegratorError(
                     f"workers do not know the integrator {self._integrator!r}"
                 )
-            request: Request = pickle.loads(self._pickled)
+            scene, settings = pickle.loads(self._pickled)
             if self._ready is None:
-                self._ready = set_up(request, 1, Ledger())
+                self._ready = set_up(scene, settings, 1, Ledger())
                 return self._ready.workers
             if self._idle:
                 return self._idle.pop()
@@ -269,7 +269,8 @@ class PreparedScene:
                 plan=deepcopy(self._ready.plan),
                 ledger=Ledger(),
             )
-            return request.declared.make(own, 1)
+            workers: Workers = settings.declared.make(own, 1)
+            return workers
 
     def give_back(self, workers: Workers) -> None:
         """Let others use them."""

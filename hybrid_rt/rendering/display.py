@@ -6,12 +6,12 @@ import base64
 import html
 import io
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.one_line import cut
+from hybrid_rt.rendering.report import Report
 from hybrid_rt.rendering.summary import in_words, of_what, short_cautions
 from hybrid_rt.rendering.units import passes_in_words, per_cent
 from hybrid_rt.sensor.color import screen_pixels
@@ -24,13 +24,11 @@ WIDEST, NARROWEST = 960, 320
 LABEL = 12
 
 
-def one_line(image: NDArray[np.floating], report: dict[str, Any]) -> str:
+def one_line(image: NDArray[np.floating], report: Report) -> str:
     """Return size, integrator, passes, error and seconds of a result."""
     height, width = image.shape[:2]
-    words = [f"{width} x {height}"]
-    if report:
-        words += [report["settings"]["integrator"], passes_in_words(report["passes"])]
-        words += [f"{report['seconds']['total']:.3g} s", _error(report)]
+    words = [f"{width} x {height}", report.settings.integrator, passes_in_words(report.passes)]
+    words += [f"{report.total_seconds:.3g} s", _error(report)]
     return cut(f"RenderResult({', '.join(words)})", "...)")
 
 
@@ -43,7 +41,7 @@ def png(image: NDArray[np.floating]) -> bytes:
     return file.getvalue()
 
 
-def as_html(image: NDArray[np.floating], report: dict[str, Any]) -> str:
+def as_html(image: NDArray[np.floating], report: Report) -> str:
     """Return the picture and its report for a notebook.
 
     Colours are those of the page, so it reads alike on light and dark ones.
@@ -55,14 +53,13 @@ def as_html(image: NDArray[np.floating], report: dict[str, Any]) -> str:
     if width < NARROWEST:
         shown = width * math.ceil(NARROWEST / width)
         style += ";image-rendering:pixelated"
+    grid = "display:grid;grid-template-columns:max-content minmax(0,1fr);gap:0.1em 1em"
+    cells = [_row(label, text) for label, text in labelled(in_words(report))]
     parts = [
         f'<img alt="{name}" width="{shown}" style="{style}" src="data:image/png;base64,{data}">',
         f'<div style="font-weight:bold;margin:0.5em 0">{name}</div>',
+        f'<div style="{grid};font-size:90%">{"".join(cells)}</div>',
     ]
-    if report:
-        grid = "display:grid;grid-template-columns:max-content minmax(0,1fr);gap:0.1em 1em"
-        cells = [_row(label, text) for label, text in labelled(in_words(report))]
-        parts.append(f'<div style="{grid};font-size:90%">{"".join(cells)}</div>')
     return f'<div style="color:inherit;background:none;max-width:{WIDEST}px">{"".join(parts)}</div>'
 
 
@@ -100,10 +97,10 @@ def _row(label: str, text: str) -> str:
     )
 
 
-def _error(report: dict[str, Any]) -> str:
-    error = report["relative_error"]
-    if error is None or error["both"] is None or not math.isfinite(error["both"]):
+def _error(report: Report) -> str:
+    error = report.relative_error
+    if error is None or error.both is None or not math.isfinite(error.both):
         return "error unknown"
     cautions = short_cautions(report)
     said = f" ({'; '.join(cautions)})" if cautions else ""
-    return f"error {per_cent(error['both'])}{of_what(report)}{said}"
+    return f"error {per_cent(error.both)}{of_what(report)}{said}"

@@ -10,23 +10,21 @@ from typing import Any
 from hybrid_rt.core.fingerprint import fingerprint
 from hybrid_rt.core.ledger import as_json
 from hybrid_rt.integrators import INTEGRATORS
+from hybrid_rt.rendering.settings import Settings
 from hybrid_rt.rendering.versions import versions
 from hybrid_rt.scene.scene import Scene
 
-# Settings that decide the bits of a pass. Threads and the coarse stage do not, limits neither.
-DECISIVE = ("integrator", "seed", "max_depth", "accuracy", "tolerance", "options")
 # Of differences between two identities so many are named.
 MOST_NAMED = 4
 
 
-def identity(scene: Scene, settings: dict[str, Any]) -> dict[str, Any]:
+def identity(scene: Scene, settings: Settings) -> dict[str, Any]:
     """Return what decides the bits of a pass, as `PassStore.open` takes it.
 
     Parameters
     ----------
     scene : Scene
-    settings : dict
-        Of `hybrid_rt.rendering.render`.
+    settings : Settings
 
     Raises
     ------
@@ -38,10 +36,10 @@ def identity(scene: Scene, settings: dict[str, Any]) -> dict[str, Any]:
     parts |= {f"lights[{i}]": light for i, light in enumerate(scene.lights)}
     parts |= {f"objects[{i}]": found for i, found in enumerate(scene.objects)}
     size = {"width": camera.width, "height": camera.height}
-    name = settings["integrator"]
+    name = settings.integrator
     return {
         "scene": {name: _fingerprint(part, f"the scene's {name}") for name, part in parts.items()},
-        "settings": {**{name: settings[name] for name in DECISIVE}, **size},
+        "settings": {**settings.decisive, **size},
         "code": {name: _fingerprint(INTEGRATORS[name], f"integrator {name!r}")},
         "versions": versions(),
     }

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from typing import Any
 
 import numpy as np
 
 from hybrid_rt.integrators.workers import Counts, Workers
 from hybrid_rt.rendering.limits import Clock, Limit
+from hybrid_rt.rendering.report import Session, StoreFigures
 from hybrid_rt.rendering.store import PassStore, Saved, StoreError
 from hybrid_rt.sensor.film import Film
 from hybrid_rt.sensor.passes import GROUPS, RUN
@@ -38,7 +38,7 @@ class Keeper:
     ) -> None:
         self._store, self._film, self._workers = store, film, workers
         self._limit, self._clock, self._threads = limit, clock, threads
-        self._before: list[dict[str, Any]] = []
+        self._before: list[Session] = []
         self._first, self._began = 0, time.time()
 
     def take_up(self, saved: Saved) -> None:
@@ -113,9 +113,9 @@ class Keeper:
         self._store.save(saved)
 
     @property
-    def sessions(self) -> list[dict[str, Any]]:
+    def sessions(self) -> list[Session]:
         """All calls that added passes; see `Saved`."""
-        now = {
+        now: Session = {
             "began": round(self._began, 1),
             "passes": [self._first, self._film.n_passes],
             "seconds": round(self._clock.seconds, 4),
@@ -124,13 +124,9 @@ class Keeper:
         }
         return [*self._before, now]
 
-    def report(self) -> dict[str, Any]:
+    def report(self) -> StoreFigures:
         """Return the report's entry: the folder, its sessions, and what was lost or not saved."""
         store = self._store
-        return {
-            "folder": str(store.folder),
-            "passes_before": self._first,
-            "sessions": self.sessions,
-            "lost": store.notes,
-            "not_saved": store.not_saved,
-        }
+        return StoreFigures(
+            str(store.folder), self._first, self.sessions, store.notes, store.not_saved
+        )

@@ -6,7 +6,6 @@ import math
 import time
 from typing import Any
 
-from hybrid_rt.core import checks
 from hybrid_rt.core.progress import CompileWatch
 from hybrid_rt.sensor.passes import RUN
 
@@ -79,19 +78,8 @@ class Limit:
         target_error: float | None = None,
         target_error_trimmed: float | None = None,
     ) -> None:
-        if passes is not None:
-            checks.whole(passes, "passes", at_least=1, up_to=MOST_PASSES)
-        if time_budget is not None:
-            checks.number(time_budget, "time_budget", above=0.0)
-        self.targets: dict[str, float] = {}
-        for name, target in (
-            ("target_error", target_error),
-            ("target_error_trimmed", target_error_trimmed),
-        ):
-            if target is not None:
-                self.targets[name] = checks.number(
-                    target, name, above=0.0, up_to=1.0, hint="a share: 0.05 for 5 %"
-                )
+        targets = {"target_error": target_error, _TRIMMED: target_error_trimmed}
+        self.targets = {name: target for name, target in targets.items() if target is not None}
         if passes is None and time_budget is None and not self.targets:
             passes = DEFAULT_PASSES
         self.passes = passes
@@ -102,7 +90,7 @@ class Limit:
         self._n_began: int | None = None
         self._n_first: int | None = None
         # The noise that each target is about.
-        self._noise = dict.fromkeys(("target_error", "target_error_trimmed"), math.inf)
+        self._noise = dict.fromkeys(targets, math.inf)
         self._ahead = math.inf  # what it will be after twice the passes, without the worst pixels
         self._blur = 0.0
         self._power, self._blur_stays = 1.0, False

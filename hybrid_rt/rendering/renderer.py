@@ -3,31 +3,23 @@
 from __future__ import annotations
 
 import logging
-import os
-from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, fields
 
-from hybrid_rt.core import checks
 from hybrid_rt.core.interrupts import hear_again, heard_anywhere, heard_at_stops, kept_back
-from hybrid_rt.core.keywords import explains
-from hybrid_rt.core.ledger import Ledger, plain
-from hybrid_rt.core.progress import Progress, watch_compilation
-from hybrid_rt.core.threads import Pool
-from hybrid_rt.integrators import DEFAULT, INTEGRATORS, Declaration, Options
-from hybrid_rt.integrators.options import DEEPEST
-from hybrid_rt.intersection.intersector import check_settings
+from hybrid_rt.core.ledger import Ledger
+from hybrid_rt.core.progress import watch_compilation
+from hybrid_rt.core.suggestions import explains
 from hybrid_rt.rendering.audit import audit
-from hybrid_rt.rendering.channels import check_names, compute_channels
-from hybrid_rt.rendering.limits import DEFAULT_DEPTH, Clock, Limit
+from hybrid_rt.rendering.channels import compute_channels
+from hybrid_rt.rendering.limits import Clock
 from hybrid_rt.rendering.memory import check_memory
-from hybrid_rt.rendering.report import light_left_out, make_report, relative_error
-from hybrid_rt.rendering.report_warnings import all_warnings, scene_warnings, warnings_in_words
+from hybrid_rt.rendering.report_making import make_report, picture_settings
+from hybrid_rt.rendering.report_warnings import scene_warnings, warnings_in_words
 from hybrid_rt.rendering.result import RenderInterrupted, RenderResult
 from hybrid_rt.rendering.run import ClusterLost, run_passes
-from hybrid_rt.rendering.set_up import Request, set_up
-from hybrid_rt.rendering.watcher import Beginning, Watcher, check_watcher
-from hybrid_rt.sampling.sampler import Sampler
+from hybrid_rt.rendering.set_up import set_up
+from hybrid_rt.rendering.settings import Arguments, other_names, takes
+from hybrid_rt.rendering.watcher import Beginning
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.film import Film
 
@@ -38,40 +30,15 @@ SCENE_LOG = logging.getLogger("hybrid_rt.report.scene")
 
 
 @explains(
-    spp="passes",
-    samples="passes",
-    depth="max_depth",
-    max_bounces="max_depth",
-    method="integrator",
-    error="target_error",
+    **other_names(),
     width="a scene whose camera has it: scene.with_camera(scene.camera.resized(width, height))",
     height="a scene whose camera has it: scene.with_camera(scene.camera.resized(width, height))",
     photons="options=PPMOptions(photons_per_pass=...)",
     photons_per_pass="options=PPMOptions(photons_per_pass=...)",
     out="the name of the file to the result: render(...).save(name)",
 )
-def render(
-    scene: Scene,
-    integrator: str = DEFAULT,
-    passes: int | None = None,
-    time_budget: float | None = None,
-    target_error: float | None = None,
-    *,
-    target_error_trimmed: float | None = None,
-    seed: int = 0,
-    threads: int | None = None,
-    max_depth: int = DEFAULT_DEPTH,
-    accuracy: str = "certified",
-    coarse: str = "embree",
-    tolerance: float | None = None,
-    options: Options | None = None,
-    outputs: Sequence[str] = (),
-    progress: Progress | None = None,
-    store: str | os.PathLike[str] | None = None,
-    resume: bool = False,
-    cluster: str | None = None,
-    watch: Watcher | None = None,
-) -> RenderResult:
+@takes(Arguments)
+def render(scene: Scene, asked: Arguments) -> RenderResult:
     """Render a picture of a scene.
 
     Warnings go to the logger ``hybrid_rt.report`` of Python's `logging`, not to the module
@@ -167,53 +134,10 @@ def render(
         or if ``progress`` raises KeyboardInterrupt, after the first pass. Further Ctrl-C change
         nothing.
     """
-    if not isinstance(scene, Scene):
-        raise TypeError(f"render scene is {checks.shown(scene)}: pass a Scene")
-    declared = INTEGRATORS[checks.choice(integrator, "integrator", INTEGRATORS)]
-    _check_options(declared, options)
-    limit, names, n_threads = check_request(
-        passes, time_budget, target_error, target_error_trimmed, seed, max_depth, threads, accuracy,
-        coarse, tolerance, outputs,
-    )  # fmt: skip
-    if progress is not None and not callable(progress):
-        raise TypeError(
-            f"progress is {checks.shown(progress)}: pass a function such as progress_bar(), or None"
-        )
-    check_watcher(watch)
-    if store is not None:
-        from hybrid_rt.rendering.identity import identity
-        from hybrid_rt.rendering.keeper import Keeper
-        from hybrid_rt.rendering.store import PassStore, check_folder
-
-        check_folder(store, resume)
-    elif checks.flag(resume, "resume"):
-        raise ValueError("resume is True, but there is no store: pass its folder as store")
-    if cluster is not None:
-        from hybrid_rt.rendering.cluster import Cluster, check_address
-
-        check_address(cluster)
-    own = options or declared.options()
-    check_memory(scene.camera, own.n_photons, names, passes)
-
-    settings = {
-        "integrator": integrator,
-        "passes": passes,
-        "time_budget": time_budget,
-        "target_error": target_error,
-        "target_error_trimmed": target_error_trimmed,
-        "seed": seed,
-        "threads": threads,
-        "max_depth": max_depth,
-        "accuracy": accuracy,
-        "coarse": coarse,
-        "tolerance": tolerance,
-        "outputs": list(names),
-        "options": None if options is None else asdict(options),
-        "width": scene.camera.width,
-        "height": scene.camera.height,
-    }
-
-    request = Request(scene, integrator, seed, max_depth, accuracy, coarse, tolerance, own)
+    settings, progress, watch = asked.settings, asked.progress, asked.watch
+    declared, own, limit = settings.declared, settings.own, settings.limit
+    n_threads, told = settings.n_threads, picture_settings(scene, settings)
+    check_memory(scene.camera, own.n_photons, settings.outputs, settings.passes)
 
     # What holds signals back ends last: to let go of a cluster takes seconds.
     with ExitStack() as held, ExitStack() as around:
@@ -221,29 +145,35 @@ def render(
         hear_again()
         around.callback(getattr(progress, "close", lambda: None))
         kept_in, saved = None, None
-        if store is not None:
+        if asked.store is not None:
+            from hybrid_rt.rendering.identity import identity
+            from hybrid_rt.rendering.keeper import Keeper
+            from hybrid_rt.rendering.store import PassStore
+
             try:
-                kept_in = PassStore(store, resume)
+                kept_in = PassStore(asked.store, asked.resume)
                 around.callback(kept_in.close)
                 saved = kept_in.open(identity(scene, settings))
             except OSError as error:
                 raise type(error)(
-                    f"store {str(store)!r} cannot be used ({error.strerror or error}): make room and "
+                    f"store {str(asked.store)!r} cannot be used ({error.strerror or error}): make room and "
                     "see that it can be written, or name another folder"
                 ) from error
         compilation = around.enter_context(watch_compilation(progress, tells=progress is not None))
         clock = Clock(compilation)
         ledger = Ledger(lambda: clock.seconds)
         with heard_anywhere():
-            ready = set_up(request, n_threads, ledger, progress)
+            ready = set_up(scene, settings, n_threads, ledger, progress)
         said = scene_warnings(ready.faults)
         for words in said:
             SCENE_LOG.warning(words)
         context, left_out = ready.context, ready.left_out
         workers, source = ready.workers, None
-        if cluster is not None:
+        if asked.cluster is not None:
+            from hybrid_rt.rendering.cluster import Cluster
+
             with ledger.stage("cluster"):
-                source = around.enter_context(Cluster(cluster, request, workers, limit.passes))
+                source = around.enter_context(Cluster(asked.cluster, scene, settings, workers))
         # Before the passes, so that a time budget covers it.
         with heard_anywhere(), ledger.stage("audit"):
             wrong = audit(context, n_threads)
@@ -254,7 +184,7 @@ def render(
 
                 unfound = unfound_light(context, declared.finds(own))
         check = None
-        if not declared.sends_photons and passes != 1:
+        if not declared.sends_photons and settings.passes != 1:
             from hybrid_rt.integrators.photons.cross_check import CrossCheck
 
             check = CrossCheck(context, declared.finds(own))
@@ -265,8 +195,7 @@ def render(
             if saved is not None:
                 keeper.take_up(saved)
         if watch is not None:
-            shown = plain(settings)
-            watch.begin(Beginning(scene, context, shown, n_threads, clock, film, left_out, unfound))
+            watch.begin(Beginning(scene, context, told, n_threads, clock, film, left_out, unfound))
         lost = ""
         try:
             stopped_by = run_passes(
@@ -294,20 +223,12 @@ def render(
             with ledger.stage("store"):
                 keeper.save()
         workers.gather()
-        channels = compute_channels(names, context, film)
-        blur = workers.blur(film.image)
-        report = make_report(plain(settings), context, film, clock, stopped_by, blur, check)
-        report |= workers.report(blur)
-        report["geometry"]["wrong_first_hits"] = wrong
-        report["lamps_in_surfaces"] = ready.sunken
-        report |= ready.faults
-        report["relative_error"] = relative_error(
-            report["noise"], blur, own.blur_stays, own.error_power
+        channels = compute_channels(settings.outputs, context, film)
+        of_cluster = None if source is None else source.about(lost)
+        of_store = None if keeper is None else keeper.report()
+        report = make_report(
+            told, ready, film, clock, stopped_by, check, wrong, unfound, of_cluster, of_store
         )
-        report |= light_left_out(report, left_out, unfound)
-        report["cluster"] = None if source is None else {**source.about(), "lost": lost}
-        report["store"] = None if keeper is None else keeper.report()
-        report["warnings"] = all_warnings(report)
         result = RenderResult(film.image, report, channels)
         for words in [*warnings_in_words(report), *([lost] if lost else [])]:
             if words not in said:
@@ -317,44 +238,3 @@ def render(
     if came or stopped_by == "interrupted":
         raise RenderInterrupted(result)
     return result
-
-
-def check_request(
-    passes: int | None,
-    time_budget: float | None,
-    target_error: float | None,
-    target_error_trimmed: float | None,
-    seed: int,
-    max_depth: int,
-    threads: int | None,
-    accuracy: str,
-    coarse: str,
-    tolerance: float | None,
-    outputs: Sequence[str],
-) -> tuple[Limit, tuple[str, ...], int]:
-    """Check the settings of `render` that do not depend on the scene.
-
-    Returns
-    -------
-    The limit, the outputs by name, and the number of threads.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If a setting is unknown or out of range.
-    """
-    check_settings(accuracy, coarse, tolerance)
-    limit = Limit(passes, time_budget, target_error, target_error_trimmed)
-    Sampler(seed)
-    checks.whole(max_depth, "max_depth", at_least=0, up_to=DEEPEST)
-    return limit, check_names(outputs), Pool(threads).threads
-
-
-def _check_options(declared: Declaration, options: Options | None) -> None:
-    has_some = bool(fields(declared.options))
-    if options is None or (has_some and isinstance(options, declared.options)):
-        return
-    wanted = declared.options.__name__ if has_some else "no options"
-    raise TypeError(
-        f"options are {checks.shown(options)}: integrator {declared.name!r} takes {wanted}"
-    )

@@ -1,261 +1,339 @@
-"""The report of a render: settings, seconds, counts, errors, and the light that is left out."""
+"""The report of a render: settings, seconds, counts, errors, and the light that is left out.
+
+The page "The report" of the documentation explains every entry.
+"""
 
 from __future__ import annotations
 
+import json
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Self, TypedDict
 
-import numpy as np
-
-from hybrid_rt.core.ledger import twelve_digits
-from hybrid_rt.core.memory import peak_memory_mib
+from hybrid_rt.core import checks
+from hybrid_rt.core.ledger import as_json
+from hybrid_rt.core.plain_records import absent, from_plain, inline, plain_fields
 from hybrid_rt.integrators import INTEGRATORS
-from hybrid_rt.integrators.context import RenderContext
-from hybrid_rt.integrators.media.absorption import unclosed_bodies
-from hybrid_rt.integrators.workers import Blur
-from hybrid_rt.intersection import Intersector
-from hybrid_rt.rendering.limits import Clock
-from hybrid_rt.rendering.unmet_light import (
-    interval_of_noise,
-    missing_light,
-    unmet_light,
-    unmet_place,
-)
-from hybrid_rt.rendering.versions import versions
-from hybrid_rt.sensor.film import Film
+from hybrid_rt.integrators.photons.figures import LightNotFound, PhotonFigures
+from hybrid_rt.rendering.settings import Settings
+from hybrid_rt.scene.lint.faults import Faults
+from hybrid_rt.scene.lint.lamps_in_surfaces import LampInSurface
+from hybrid_rt.sensor.film import Noise
 
-if TYPE_CHECKING:
-    from hybrid_rt.integrators.photons.cross_check import CrossCheck
-    from hybrid_rt.integrators.photons.unfound_light import UnfoundLight
-
+# Number of the layout. It grows when an entry changes its name or its meaning, not when one is added.
+LAYOUT = 1
 # What a picture holds if nothing is left out.
 ALL_LIGHT = "all light"
-# Light that an integrator does not find and that is not measured either.
-NOT_MEASURED = "paths without a surface that spreads light widely"
-# From this share on, what max_depth cuts off is said of the picture as a whole as well; below, it is
-# less than the intervals of common renders.
-COUNTS = 1e-4
+# If the worst 0.1 % of the pixels hold this share of the squared error, the noise of all is rough.
+SHARE_OF_FEW = 0.5
+# The stages of which the seconds do not grow with the passes.
+_ONCE = (
+    "scene", "build", "set-up", "cluster", "audit", "light not found", "cross-check", "channels",
+)  # fmt: skip
 
 
-def light_left_out(
-    report: dict[str, Any], left_out: list[str], unfound: UnfoundLight | None
-) -> dict[str, Any]:
-    """Return the entries about light that is not in the picture.
+@dataclass(frozen=True, kw_only=True)
+class PictureSettings(Settings):
+    """The settings of a render, and the size of its picture."""
 
-    Parameters
+    width: int
+    height: int
+
+
+@dataclass(frozen=True)
+class PictureNoise(Noise):
+    """The noise of a picture, and the 95 % interval of its mean.
+
+    Attributes
     ----------
-    report : dict
-        The entries so far.
-    left_out : list of str
-        The kinds of paths that the integrator does not find; see `Declaration.left_out_light`.
-    unfound : UnfoundLight, optional
-        Their size, if it was measured.
-
-    Returns
-    -------
-    dict
-        ``light_not_found``: ``left_out``. ``light_not_found_measured``: the ``mean`` of what paths
-        with a wide lobe carry in up to ``max_depth`` bounces, with ``half_interval_95`` and
-        ``share_of_image_mean``, all three None where ``why_unknown`` says that there is no size; None
-        if not measured. Its ``not_measured`` names what it leaves out. ``picture_holds``: the light
-        that the image mean, its interval and the relative errors are about. ``picture_is_blurred``:
-        by photons.
+    unmet_lamps_95 : float
+        What lamps that no camera ray has met may add to the mean, at most.
+    half_interval_95_of_image_mean : float
     """
-    integrator, max_depth = (report["settings"][name] for name in ("integrator", "max_depth"))
-    holds = f"the light that {integrator} finds" if left_out else ALL_LIGHT
-    if max(share_cut_off(report)) >= COUNTS:
-        holds += (
-            f" in up to {max_depth} bounces"
-            if depth_cuts_off(report)
-            else " but for faint branches"
+
+    unmet_lamps_95: float
+    half_interval_95_of_image_mean: float
+
+    @property
+    def few_decide(self) -> bool:
+        """Whether the noise of all pixels is that of a few bright specks."""
+        return (
+            self.worst_pixels > 0
+            and math.isfinite(self.relative_rmse_trimmed)
+            and self.worst_pixels_share_of_squared_error >= SHARE_OF_FEW
         )
-    measured, noise = None, report["noise"]
-    if unfound is not None:
-        of_image = noise["image_mean"] if noise is not None else 0.0
-        share = None
-        if unfound.mean is not None and of_image > 0.0:
-            share = unfound.mean / of_image
-        measured = {
-            "photons": unfound.n_photons,
-            "max_depth": unfound.max_depth,
-            "mean": unfound.mean,
-            "half_interval_95": unfound.half_interval,
-            "share_of_image_mean": share,
-            "lost_share": twelve_digits(unfound.lost_share),
-            "why_unknown": unfound.why_unknown,
-            "not_measured": NOT_MEASURED,
-        }
-    return {
-        "light_not_found": left_out,
-        "light_not_found_measured": measured,
-        "picture_holds": holds,
-        "picture_is_blurred": "photons" in report
-        and report["photons"]["blur_root_mean_square_at_most"] != 0.0,
-    }
+
+    @property
+    def rises(self) -> bool:
+        """Whether more passes will bring more dots than there are worst pixels."""
+        return self.relative_rmse_trimmed_ahead > self.relative_rmse_trimmed
 
 
-def share_cut_off(report: dict[str, Any]) -> tuple[float, float]:
-    """Return what limits of depth and weight have ended.
+@dataclass(frozen=True)
+class RelativeError:
+    """The estimated relative errors of a picture; None where nothing is known of the blur."""
 
-    Returns
-    -------
-    of_paths : float
-        What paths from the camera carried there, over what they carried behind the first surface that
-        spreads light: a dark surface sends little on in any case.
-    of_photons : float
-        The power that photons carried there, over all that was emitted; 0 without photons.
+    noise: float
+    noise_trimmed: float
+    blur: float | None
+    blur_at_most: float | None
+    both: float | None
+    both_trimmed: float | None
+    both_trimmed_ahead: float | None
+    blur_stays: bool
+    error_power: float
+
+    def of(self, target: str) -> float:
+        """Return the error that "target_error" or "target_error_trimmed" is about; inf: unknown."""
+        error = self.both if target == "target_error" else self.both_trimmed
+        return math.inf if error is None else error
+
+    @property
+    def stays(self) -> float:
+        """The part that more passes do not reduce."""
+        return (self.blur or 0.0) if self.blur_stays else 0.0
+
+
+@dataclass(frozen=True)
+class MeanCheck:
+    """The independent estimate of the image mean, by photons."""
+
+    photons: int
+    photons_seen: int
+    mean: float
+    interval_95: tuple[float, float]
+    of_highlights: float
+    brightest_place: float
+    unmet_place_95: float
+    image_mean_lacks_at_most: float
+    contradicts: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class EndedBranches:
+    """Paths that ended, ``by_reason``, and what those carried that limits of depth and weight ended."""
+
+    by_reason: dict[str, int] = inline()
+    lost_weight_per_camera_ray: float
+    lost_share: float
+
+
+@dataclass(frozen=True)
+class WrongFirstHits:
+    """A check of uncertified first hits, see `hybrid_rt.rendering.audit`."""
+
+    rays: int
+    wrong: int
+    share: float
+    interval_95: tuple[float, float]
+    missed: int
+    phantom: int
+    farther: int
+    mean_error: float
+    worst_error: float
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """The geometric error."""
+
+    accuracy: str
+    camera_hits: int
+    camera_hits_without_bound: int
+    largest_t_bound_of_camera_hits: float
+    certified_rays: int
+    given_up: int
+    tangent: int
+    changed_by_certificate: int
+    wrong_first_hits: WrongFirstHits | None
+
+
+@dataclass(frozen=True)
+class CoarseStage:
+    """What coarse hits took; the seconds are within those of the stages that trace rays."""
+
+    stage: str
+    triangles: int
+    build_seconds: float
+    hit_seconds: float
+    share_of_seconds: float
+
+
+@dataclass(frozen=True)
+class ClusterFigures:
+    """What a cluster did."""
+
+    address: str
+    workers: int
+    threads: int
+    refused: dict[str, str]
+    tasks: int
+    tried_again: int
+    seconds_of_tasks: float
+    mib_received: float
+    lost: str
+
+
+class Session(TypedDict):
+    """A call of `render` that added passes, as a store keeps it."""
+
+    began: float
+    passes: list[int]
+    seconds: float
+    kernel_compilation_seconds: float
+    threads: int
+
+
+@dataclass(frozen=True)
+class StoreFigures:
+    """What a store holds, and what of it was lost or not saved."""
+
+    folder: str
+    passes_before: int
+    sessions: list[Session]
+    lost: list[str]
+    not_saved: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Report(dict[str, Any]):
+    """What is known of a picture.
+
+    It also is the dict that its JSON file holds: ``report.noise.image_mean`` is
+    ``report["noise"]["image_mean"]``. The attributes are what the render found.
+    What is added to the dict is written to files with it, and changes no attribute.
     """
-    of_photons = 0.0
-    if "photons" in report:
-        power = report["photons"]["power_of_all_passes"]
-        if any(power["lost"]):
-            of_photons = sum(power["lost"]) / sum(power["emitted"])
-    return report["ended_branches"]["lost_share"], of_photons
 
+    layout: int = LAYOUT
+    settings: PictureSettings
+    versions: dict[str, str]
+    passes: int
+    stopped_by: str
+    seconds: dict[str, float]
+    coarse: CoarseStage
+    kernel_compilation_seconds: float
+    rays: dict[str, int]
+    hits: dict[str, int]
+    intersection: dict[str, int]
+    ended_branches: EndedBranches
+    noise: PictureNoise | None
+    cross_check: MeanCheck | None
+    relative_error: RelativeError | None
+    light_not_found: list[str]
+    light_not_found_measured: LightNotFound | None
+    picture_holds: str
+    picture_is_blurred: bool
+    clear_bodies_not_closed: dict[str, int]
+    clear_bodies_lost: dict[str, int]
+    lamps_in_surfaces: list[LampInSurface]
+    faults: Faults = inline()
+    pixels_not_finite: int
+    geometry: Geometry
+    peak_memory_mib: float
+    plan: dict[str, dict[str, dict[str, str]]]
+    photons: PhotonFigures | None = absent()
+    points_missed_by_photons: int
+    cluster: ClusterFigures | None
+    store: StoreFigures | None
+    warnings: list[str] = field(default_factory=list)
+    exact_against_mesh: dict[str, Any] | None = absent()
 
-def depth_cuts_off(report: dict[str, Any]) -> bool:
-    """Tell whether ``max_depth`` has ended anything, not only the limit of faint branches.
+    def __post_init__(self) -> None:
+        """Be the dict as well."""
+        super().update(plain_fields(self))
 
-    Integrators from elsewhere may state the weight that was lost, and not how many paths lost it.
-    """
-    ended, (of_paths, of_photons) = report["ended_branches"], share_cut_off(report)
-    is_by_depth = of_paths > 0.0 and not ended.get("below least contribution", 0)
-    return ended.get("at max_depth", 0) > 0 or is_by_depth or of_photons > 0.0
+    def to_json(self) -> str:
+        """Return the text of a JSON file; numbers that are not finite become null."""
+        return as_json(self)
 
+    @classmethod
+    def from_json(cls, text: str | bytes) -> Self:
+        """Return the report of such a text; see `from_dict`."""
+        return cls.from_dict(json.loads(text))
 
-def relative_error(
-    noise: dict[str, Any] | None, blur: Blur, blur_stays: bool, error_power: float
-) -> dict[str, Any] | None:
-    """Return the estimated relative errors of the picture, or None after a single pass.
+    @classmethod
+    def from_dict(cls, held: Mapping[str, Any]) -> Self:
+        """Return the report of a dict.
 
-    ``blur_stays`` and ``error_power`` are those of `hybrid_rt.integrators.Options`.
-    """
-    if noise is None:
-        return None
-    both = math.hypot(noise["relative_rmse"], blur.counted)
-    trimmed = math.hypot(noise["relative_rmse_trimmed"], blur.counted)
-    ahead = math.hypot(noise["relative_rmse_trimmed_ahead"], blur.counted)
-    return {
-        "noise": noise["relative_rmse"],
-        "noise_trimmed": noise["relative_rmse_trimmed"],
-        "blur": blur.relative,
-        "blur_at_most": blur.relative_at_most,
-        "both": both if blur.counted < math.inf else None,
-        "both_trimmed": trimmed if blur.counted < math.inf else None,
-        "both_trimmed_ahead": ahead if blur.counted < math.inf else None,
-        "blur_stays": blur_stays,
-        "error_power": error_power,
-    }
+        Raises
+        ------
+        ValueError
+            If it is no report of a render, one of another layout, or of an integrator that is not
+            declared here.
+        """
+        layout = held.get("layout") if isinstance(held, Mapping) else None
+        if layout != LAYOUT:
+            raise ValueError(
+                f"report has layout {layout}: pass that of a render by hybrid_rt, of layout {LAYOUT}"
+            )
+        try:
+            settings = {**held["settings"], "outputs": tuple(held["settings"]["outputs"])}
+            name = checks.choice(settings["integrator"], "integrator", INTEGRATORS)
+            if settings["options"] is not None:
+                settings["options"] = INTEGRATORS[name].options(**settings["options"])
+            return from_plain(cls, {**held, "settings": settings})
+        except (KeyError, TypeError, AttributeError) as error:
+            raise ValueError(f"report cannot be read: {error!r}") from error
 
+    @property
+    def share_cut_off(self) -> tuple[float, float]:
+        """What limits of depth and weight have ended: of camera paths, and of photons.
 
-def _with_others(rays: dict[str, int], traced: int) -> dict[str, int]:
-    """Return counts of rays by kind, with those that nobody named as "other"."""
-    others = traced - sum(rays.values())
-    return {**rays, "other": others} if others > 0 else rays
+        Of paths from the camera what they carried there, over what they carried behind the first surface
+        that spreads light: a dark surface sends little on in any case. Of photons their power, over all
+        that was emitted.
+        """
+        photons = self.photons
+        return self.ended_branches.lost_share, 0.0 if photons is None else photons.lost_share
 
+    @property
+    def depth_cuts_off(self) -> bool:
+        """Whether ``max_depth`` has ended anything, not only the limit of faint branches.
 
-def make_report(
-    settings: dict[str, Any],
-    context: RenderContext,
-    film: Film,
-    clock: Clock,
-    stopped_by: str,
-    blur: Blur,
-    check: CrossCheck | None,
-) -> dict[str, Any]:
-    """Return the entries that every integrator has."""
-    ledger, tracer, total = context.ledger, context.tracer, clock.earlier + clock.seconds
-    n_camera = ledger.rays["camera"]
-    work = tracer.counters
-    not_closed, lost = unclosed_bodies(context)
-    n_certified = work["rays"] + work["shadow_rays"] - work["given_up"]
-    return {
-        "settings": settings,
-        "versions": versions(),
-        "passes": film.n_passes,
-        "stopped_by": stopped_by,
-        "seconds": {
-            **{stage: round(seconds, 4) for stage, seconds in ledger.seconds.items()},
-            # Threads that start, end and wait for each other, and whatever has no stage.
-            "other": round(max(total - sum(ledger.seconds.values()), 0.0), 4),
-            "total": round(total, 4),
-        },
-        "coarse": _coarse(tracer, total),
-        "kernel_compilation_seconds": round(clock.earlier_compilation + clock.compile_seconds, 4),
-        "rays": _with_others(dict(ledger.rays), work["rays"] + work["shadow_rays"]),
-        "hits": dict(ledger.hits),
-        "intersection": dict(work),
-        "ended_branches": {
-            **ledger.ended,
-            "lost_weight_per_camera_ray": twelve_digits(ledger.lost_weight / n_camera),
-            "lost_share": twelve_digits(ledger.lost_share()),
-        },
-        **_noise_and_check(
-            film, context, blur, check, INTEGRATORS[settings["integrator"]].sends_photons
-        ),
-        "clear_bodies_not_closed": not_closed,
-        "clear_bodies_lost": lost,
-        "pixels_not_finite": int(np.count_nonzero(~np.isfinite(film.image).all(axis=2))),
-        "geometry": {
-            "accuracy": tracer.accuracy,
-            "camera_hits": ledger.camera_hits,
-            "camera_hits_without_bound": ledger.camera_hits_without_bound,
-            "largest_t_bound_of_camera_hits": ledger.largest_t_bound,
-            "certified_rays": n_certified if tracer.accuracy == "certified" else 0,
-            "given_up": work["given_up"],
-            "tangent": ledger.hits["tangent"],
-            "changed_by_certificate": work["changed_by_certificate"],
-        },
-        "peak_memory_mib": round(peak_memory_mib(), 1),
-        "plan": {"light": context.plan.as_dict(), "intersection": tracer.plan},
-    }
+        Integrators from elsewhere may state the weight that was lost, and not how many paths lost it.
+        """
+        ended, (of_paths, of_photons) = self.ended_branches.by_reason, self.share_cut_off
+        is_by_depth = of_paths > 0.0 and not ended.get("below least contribution", 0)
+        return ended.get("at max_depth", 0) > 0 or is_by_depth or of_photons > 0.0
 
+    @property
+    def share_without_light(self) -> float:
+        """The part of the pixels that are black in every pass; 0 where it is not known."""
+        if self.noise is None:
+            return 0.0
+        return self.noise.pixels_without_light / (self.settings.width * self.settings.height)
 
-def _noise_and_check(
-    film: Film, context: RenderContext, blur: Blur, check: CrossCheck | None, ends_at_matt: bool
-) -> dict[str, Any]:
-    """Return the noise with half the 95 % interval of the image mean, and the estimate beside it.
+    @property
+    def unmet_at_most(self) -> float:
+        """What lamps and places that no camera ray has met may add to the mean, at most (95 %)."""
+        place = 0.0 if self.cross_check is None else self.cross_check.unmet_place_95
+        return 0.0 if self.noise is None else max(self.noise.unmet_lamps_95, place)
 
-    Wider to both sides for the blur of the mean, as far as it is known. At least what light that was not
-    met may add, and what the mean lacks by the independent estimate.
-    """
-    noise = film.noise()
-    if noise is None:
-        return {"noise": None, "cross_check": None}
-    n, camera = film.n_passes, context.scene.camera
-    lamps = unmet_light(context.scene, n, ends_at_matt, context.options.samples_lights)
-    place = unmet_place(context.scene, check, film, n * camera.width * camera.height)
-    lamps, place = twelve_digits(lamps), twelve_digits(place)
-    half = max(interval_of_noise(noise) + blur.of_mean_at_most, lamps, place)
-    lost = twelve_digits(context.ledger.lost_share())
-    lacks, is_contradicted = missing_light(check, noise, half, lost)
-    noise |= {"unmet_lamps_95": lamps, "half_interval_95_of_image_mean": max(half, lacks)}
-    estimate = None if check is None else check.mean
-    if estimate is None:
-        return {"noise": noise, "cross_check": None}
-    return {
-        "noise": noise,
-        "cross_check": {
-            "photons": estimate.n_photons,
-            "photons_seen": estimate.n_seen,
-            "mean": estimate.mean,
-            "interval_95": [estimate.low, estimate.high],
-            "of_highlights": estimate.of_highlights,
-            "brightest_place": estimate.brightest_place,
-            "unmet_place_95": place,
-            "image_mean_lacks_at_most": lacks,
-            "contradicts": is_contradicted,
-        },
-    }
+    @property
+    def unmet_decides(self) -> bool:
+        """Whether unmet light makes the interval of the mean: if it had been met, noise would."""
+        noise = self.noise
+        return (
+            noise is not None and 0.0 < self.unmet_at_most >= noise.half_interval_95_of_image_mean
+        )
 
+    @property
+    def total_seconds(self) -> float:
+        """Wall-clock seconds of the render, without the compilation of kernels."""
+        return self.seconds["total"]
 
-def _coarse(tracer: Intersector, total: float) -> dict[str, Any]:
-    """Return what the coarse stage took; its seconds are within those of the stages that trace rays."""
-    spent = tracer.coarse_build_seconds + tracer.coarse_seconds
-    return {
-        "stage": "embree" if "embree" in tracer.plan["used"] else "none",
-        "triangles": tracer.n_triangles,
-        "build_seconds": round(tracer.coarse_build_seconds, 4),
-        "hit_seconds": round(tracer.coarse_seconds, 4),
-        "share_of_seconds": min(spent / total, 1.0) if total > 0.0 else 0.0,
-    }
+    @property
+    def seconds_once(self) -> float:
+        """The seconds that do not grow with the passes."""
+        return min(sum(self.seconds.get(stage, 0.0) for stage in _ONCE), self.total_seconds)
+
+    @property
+    def seconds_of_passes(self) -> float:
+        """The seconds that do."""
+        return self.total_seconds - self.seconds_once
+
+    @property
+    def n_traced(self) -> int:
+        """Rays traced, shadow rays included."""
+        return self.intersection["rays"] + self.intersection["shadow_rays"]

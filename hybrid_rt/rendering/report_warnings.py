@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
-from hybrid_rt.rendering.forecast import ERRORS
+from hybrid_rt.integrators.photons.figures import LightNotFound
 from hybrid_rt.rendering.limits import DEFAULT_DEPTH
-from hybrid_rt.rendering.report import depth_cuts_off, share_cut_off
+from hybrid_rt.rendering.report import ClusterFigures, Report
 from hybrid_rt.rendering.units import per_cent
+from hybrid_rt.scene.lint.faults import Faults
 from hybrid_rt.scene.lint.lamps_in_surfaces import lamp_in_words
 
 # Of the light that was followed: that much cut off is worth a warning.
@@ -30,17 +30,17 @@ _PARTS_TURNED_OR_NESTED = (
 )
 
 
-def warnings_in_words(report: dict[str, Any]) -> list[str]:
+def warnings_in_words(report: Report) -> list[str]:
     """Return warnings about errors that the noise estimate does not cover, a line each."""
     lines = []
-    if report["pixels_not_finite"]:
+    if report.pixels_not_finite:
         lines.append(
-            f"{report['pixels_not_finite']:,} pixels are not finite (nan, or brighter "
+            f"{report.pixels_not_finite:,} pixels are not finite (nan, or brighter "
             "than float32 holds): lower the radiance of the lights, scale the scene, or see whether "
             "an integrator or material of your own returns nan"
         )
-    if report["points_missed_by_photons"]:
-        share = report["points_missed_by_photons"] / report["photons"]["gather_points"]
+    if report.points_missed_by_photons and report.photons is not None:
+        share = report.points_missed_by_photons / report.photons.gather_points
         lines.append(
             f"{100.0 * share:.4g} % of the points that gather light have met no photon: "
             "unless no light comes to them by way of other surfaces, light is missing that no error "
@@ -50,16 +50,16 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
     lines += [
         f"{name!r} is clear: {n_rays:,} rays left it without entering it, or never left it: it is not "
         f"closed (all surfaces of a body take one and the same material object), or {_PARTS_TURNED_OR_NESTED}"
-        for name, n_rays in report["clear_bodies_not_closed"].items()
+        for name, n_rays in report.clear_bodies_not_closed.items()
     ]
     lines += [
         f"{name!r} is clear: {n_rays:,} rays left it without entering it, or never left it: "
         f"{_TURNED_OR_NESTED}"
-        for name, n_rays in report["clear_bodies_lost"].items()
+        for name, n_rays in report.clear_bodies_lost.items()
     ]
-    lines += scene_warnings(report)
-    lost, max_depth = max(share_cut_off(report)), report["settings"]["max_depth"]
-    by_depth = depth_cuts_off(report)
+    lines += scene_warnings(report.faults)
+    lost, max_depth = max(report.share_cut_off), report.settings.max_depth
+    by_depth = report.depth_cuts_off
     if lost >= MUCH and not by_depth:
         lines.append(
             f"faint branches, of less than a thousandth of a camera ray, were ended with {per_cent(lost)} of "
@@ -73,8 +73,8 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
         )
     without = _much_left_out(report)
     lines += without
-    is_explained = without or report["lamps_turned_away"] or report["lamps_in_bodies"]
-    if not is_explained and share_without_light(report) == 1.0:
+    is_explained = without or report.faults.lamps_turned_away or report.faults.lamps_in_bodies
+    if not is_explained and report.share_without_light == 1.0:
         # From the default on, the warning above says so.
         is_cut_off = by_depth and lost >= MUCH and max_depth < DEFAULT_DEPTH
         larger = (
@@ -84,9 +84,9 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
             else "Look"
         )
         by_photons = ""
-        if report.get("photons", {}).get("emitted", 0):
+        if report.photons is not None and report.photons.emitted:
             by_photons = ". Or take path: photons may have missed what the camera sees"
-        elif report["settings"]["integrator"] == "path":
+        elif report.settings.integrator == "path":
             by_photons = (
                 ". Or take ppm: paths meet a small lamp behind mirrors or glass by chance alone"
             )
@@ -104,40 +104,34 @@ def warnings_in_words(report: dict[str, Any]) -> list[str]:
     ]
 
 
-def scene_warnings(faults: dict[str, Any]) -> list[str]:
-    """Return warnings about what a scene alone tells, before anything is rendered, a line each.
-
-    Parameters
-    ----------
-    faults : dict
-        As `hybrid_rt.scene.lint.faults.faults_of`; a report holds these keys too.
-    """
+def scene_warnings(faults: Faults) -> list[str]:
+    """Return warnings about what a scene alone tells, before anything is rendered, a line each."""
     lines = [
         f"{name} lights nothing: its light comes to no object. {_how_to_turn(name, faults)}"
-        for name in faults["lamps_turned_away"]
+        for name in faults.lamps_turned_away
     ]
     lines += [
-        f"{note['lamp']} lights nothing: it lies inside of {note['body']}, which is opaque, and the camera "
+        f"{note.lamp} lights nothing: it lies inside of {note.body}, which is opaque, and the camera "
         "lies outside. Move one of them, or make the body of glass"
-        for note in faults["lamps_in_bodies"]
+        for note in faults.lamps_in_bodies
     ]
     lines += [
         f"{one} and {other} lie in one plane and overlap: only one of them is seen there. Move one out, "
         "by a thousandth of its size or so"
-        for one, other in faults["surfaces_in_one_plane"]
+        for one, other in faults.surfaces_in_one_plane
     ]
     lines += [
         f"{one} and {other} are clear, overlap in part and have the same priority: what fills the space "
         "that they share depends on the side from which light comes. Give one of them a higher priority"
-        for one, other in faults["clear_bodies_overlap"]
+        for one, other in faults.clear_bodies_overlap
     ]
     lines += [
         f"{name} is a TriangleMesh with a texture over (u, v), which repeats on every triangle, as the "
         "mesh has no texture coordinates: pass TriangleMesh(mesh, texture_coordinates=...), or a file "
         'with UV coordinates, or take a CheckerTexture in "world"'
-        for name in faults["pictures_on_meshes"]
+        for name in faults.pictures_on_meshes
     ]
-    fov = faults["narrow_view"]
+    fov = faults.narrow_view
     if fov is not None:
         lines.append(
             f"the camera's vertical_fov is {fov:g} degrees, and no object fits into the picture: if radians are "
@@ -146,14 +140,15 @@ def scene_warnings(faults: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _blurred_mean(report: dict[str, Any]) -> list[str]:
+def _blurred_mean(report: Report) -> list[str]:
     """Warn of a picture whose mean is off by what photons blur; before eight passes that is not known."""
-    photons, noise = report.get("photons", {}), report["noise"]
-    error = photons.get("blur_of_image_mean_standard_error")
-    if error is None or noise is None:
+    photons, noise = report.photons, report.noise
+    if photons is None or noise is None:
         return []
-    shift = photons["blur_of_image_mean"]
-    true = noise["image_mean"] - shift
+    shift, error = photons.blur_of_image_mean, photons.blur_of_image_mean_standard_error
+    if shift is None or error is None:
+        return []
+    true = noise.image_mean - shift
     if abs(shift) < 3.0 * error or not abs(shift) >= MUCH_BLUR * true > 0.0:
         return []
     side = "dark" if shift < 0.0 else "bright"
@@ -165,19 +160,19 @@ def _blurred_mean(report: dict[str, Any]) -> list[str]:
     return [words]
 
 
-def all_warnings(report: dict[str, Any]) -> list[str]:
+def all_warnings(report: Report) -> list[str]:
     """Return all warnings of a render: those of `warnings_in_words`, of lamps, and of its cluster."""
-    stuck = [note for note in report["lamps_in_surfaces"] if note["lifted_by"] == 0.0]
+    stuck = [note for note in report.lamps_in_surfaces if note.lifted_by == 0.0]
     lines = [*map(lamp_in_words, stuck), *warnings_in_words(report)]
-    cluster = report["cluster"]
+    cluster = report.cluster
     if cluster is not None:
-        lines += [*refused_workers(cluster), *([cluster["lost"]] if cluster["lost"] else [])]
+        lines += [*refused_workers(cluster), *([cluster.lost] if cluster.lost else [])]
     return lines
 
 
-def _how_to_turn(name: str, faults: dict[str, Any]) -> str:
+def _how_to_turn(name: str, faults: Faults) -> str:
     """Return how a lamp is turned; swapped edges would lay a picture on its side."""
-    if name in faults["pictures_turned_away"]:
+    if name in faults.pictures_turned_away:
         return (
             "A rectangle shines on the side of edge_u x edge_v: to turn it with its picture upright, "
             "begin at the other end of edge_u and negate edge_u"
@@ -188,62 +183,62 @@ def _how_to_turn(name: str, faults: dict[str, Any]) -> str:
     )
 
 
-def _much_left_out(report: dict[str, Any]) -> list[str]:
+def _much_left_out(report: Report) -> list[str]:
     """Return a warning if much light is missing that the integrator does not find.
 
     That is known of Whitted's method, which leaves out most indirect light: there it is more than all
     that it finds.
     """
-    measured, integrator = report["light_not_found_measured"], report["settings"]["integrator"]
-    if measured is None or measured["mean"] is None:
+    measured, integrator = report.light_not_found_measured, report.settings.integrator
+    if measured is None or measured.mean is None:
         return []
-    mean, half, share = (measured[k] for k in ("mean", "half_interval_95", "share_of_image_mean"))
+    mean, half, share = measured.mean, measured.half_interval_95, measured.share_of_image_mean
     least = 1.0 if integrator == "whitted" else MUCH
-    if mean <= half or (share is not None and share < least):
+    if half is None or mean <= half or (share is not None and share < least):
         return []
     relative = "" if share is None else f", {per_cent(share)} of what it finds"
     if share is not None and share > 10.0:
         relative = f", {share:,.0f} times what it finds"
     words = (
-        f"{integrator} does not find {'; '.join(report['light_not_found'])}: the image mean lacks "
+        f"{integrator} does not find {'; '.join(report.light_not_found)}: the image mean lacks "
         f"{mean:.2g} +- {half:.1g} of it (95 %){in_up_to(measured)}{relative}, which no error estimate counts: "
         "take ppm"
     )
     return [words]
 
 
-def _contradicted(report: dict[str, Any]) -> list[str]:
+def _contradicted(report: Report) -> list[str]:
     """Return a warning if photons find more light than the picture holds."""
-    check, noise = report["cross_check"], report["noise"]
-    if check is None or not check["contradicts"]:
+    check, noise = report.cross_check, report.noise
+    if check is None or noise is None or not check.contradicts:
         return []
-    low, high = check["interval_95"]
-    by_highlights = check["of_highlights"] > 0.5 * check["mean"]
+    low, high = check.interval_95
+    by_highlights = check.of_highlights > 0.5 * check.mean
     remedy = (
         "give the lamps an area (SphereLight), the surfaces more roughness, or pass many more passes"
         if by_highlights
         else "take ppm, which sends photons from the lamps, or pass many more passes"
     )
     words = (
-        f"the image mean of {noise['image_mean']:.3g} lacks light: {check['photons']:,} photons say "
-        f"{check['mean']:.2g} ({low:.2g} to {high:.2g}, 95 %), which comes by ways that few camera rays meet"
+        f"the image mean of {noise.image_mean:.3g} lacks light: {check.photons:,} photons say "
+        f"{check.mean:.2g} ({low:.2g} to {high:.2g}, 95 %), which comes by ways that few camera rays meet"
         f"{', as highlights of lamps without area' if by_highlights else ''}. The errors of pixels do not count "
         f"it: {remedy}"
     )
     return [words]
 
 
-def _unmet_lamps(report: dict[str, Any]) -> list[str]:
+def _unmet_lamps(report: Report) -> list[str]:
     """Return a warning of lamps that no camera ray has met, if they decide the interval and may matter."""
-    noise = report["noise"]
-    if noise is None or not unmet_decides(report):
+    noise = report.noise
+    if noise is None or not report.unmet_decides:
         return []
-    if report["stopped_by"] in ERRORS:
-        return _target_without_lamps(report)
-    unmet, mean = noise["unmet_lamps_95"], noise["image_mean"]
+    if report.stopped_by in report.settings.targets:
+        return _target_without_lamps(report, noise.image_mean)
+    unmet, mean = noise.unmet_lamps_95, noise.image_mean
     if not unmet > MANY_TIMES * mean > 0.0:
         return []
-    is_path = report["settings"]["integrator"] == "path"
+    is_path = report.settings.integrator == "path"
     words = (
         "lamps, or a sun in the sky, that camera rays meet by chance alone, in mirrors or glass or as "
         f"specks, may not have been met yet: the brightest may add up to {unmet:.2g} to the image mean of "
@@ -253,18 +248,17 @@ def _unmet_lamps(report: dict[str, Any]) -> list[str]:
     return [words]
 
 
-def _target_without_lamps(report: dict[str, Any]) -> list[str]:
+def _target_without_lamps(report: Report, mean: float) -> list[str]:
     """Return a warning if a target was reached that lamps that no camera ray has met may exceed."""
-    settings, mean = report["settings"], report["noise"]["image_mean"]
-    unmet, target = unmet_at_most(report), settings[report["stopped_by"]]
+    unmet, target = report.unmet_at_most, report.settings.targets[report.stopped_by]
     if unmet <= target * mean:
         return []
     relative, passes = "", "more passes"
-    needed = report["passes"] * (unmet / mean / target if mean > 0.0 else math.inf)
+    needed = report.passes * (unmet / mean / target if mean > 0.0 else math.inf)
     if needed < math.inf:
         relative = f", {per_cent(unmet / mean)} of it"
         passes = f"about {float(f'{needed:.2g}'):,.0f} passes"
-    by = "" if settings["integrator"] == "path" else " (integrator path makes them soonest)"
+    by = "" if report.settings.integrator == "path" else " (integrator path makes them soonest)"
     words = (
         f"the target error {target:g} does not count lamps, a sun in the sky, or bright places, that camera "
         "rays meet by chance alone (in mirrors or glass, as specks, behind openings), and have not met yet: "
@@ -273,11 +267,11 @@ def _target_without_lamps(report: dict[str, Any]) -> list[str]:
     return [words]
 
 
-def _single_pass(report: dict[str, Any]) -> list[str]:
+def _single_pass(report: Report) -> list[str]:
     """Return a warning if a time budget was enough for one pass only."""
-    if report["passes"] != 1 or report["stopped_by"] != "time_budget":
+    spent, budget = report.total_seconds, report.settings.time_budget
+    if report.passes != 1 or report.stopped_by != "time_budget" or budget is None:
         return []
-    spent, budget = report["seconds"]["total"], report["settings"]["time_budget"]
     return [
         (
             f"the time budget of {budget:g} s was enough for one pass, of which no error is known: pass "
@@ -286,33 +280,13 @@ def _single_pass(report: dict[str, Any]) -> list[str]:
     ]
 
 
-def share_without_light(report: dict[str, Any]) -> float:
-    """Return the part of the pixels that are black in every pass; 0 where it is not known."""
-    noise, settings = report["noise"], report["settings"]
-    if noise is None:
-        return 0.0
-    return float(noise["pixels_without_light"] / (settings["width"] * settings["height"]))
-
-
-def in_up_to(measured: dict[str, Any]) -> str:
+def in_up_to(measured: LightNotFound) -> str:
     """Return how many bounces the light that photons measured has, if much has more."""
-    if measured["lost_share"] < MUCH:
+    if measured.lost_share < MUCH:
         return ""
-    return f" in up to {measured['max_depth']} bounces"
+    return f" in up to {measured.max_depth} bounces"
 
 
-def unmet_at_most(report: dict[str, Any]) -> float:
-    """Return what lamps and places that no camera ray has met may add to the mean, at most (95 %)."""
-    check = report["cross_check"]
-    place = 0.0 if check is None else check["unmet_place_95"]
-    return float(max(report["noise"]["unmet_lamps_95"], place))
-
-
-def unmet_decides(report: dict[str, Any]) -> bool:
-    """Tell whether unmet light makes the interval of the mean: if it had been met, noise would."""
-    return bool(0.0 < unmet_at_most(report) >= report["noise"]["half_interval_95_of_image_mean"])
-
-
-def refused_workers(cluster: dict[str, Any]) -> list[str]:
+def refused_workers(cluster: ClusterFigures) -> list[str]:
     """Return which workers made no passes, and why."""
-    return [f"{who} made no passes: {why}" for who, why in cluster["refused"].items()]
+    return [f"{who} made no passes: {why}" for who, why in cluster.refused.items()]

@@ -15,6 +15,7 @@ from hybrid_rt.rendering.channels import OUTPUTS
 from hybrid_rt.rendering.denoising import DenoisedPicture, denoise
 from hybrid_rt.rendering.display import as_html, one_line, png
 from hybrid_rt.rendering.forecast import Forecast, forecast
+from hybrid_rt.rendering.report import Report
 from hybrid_rt.rendering.units import passes_in_words
 from hybrid_rt.sensor.image_files import save_image
 
@@ -27,16 +28,17 @@ class RenderResult:
     ----------
     image : (height, width, 3) float32
         Linear radiance, row 0 at the top.
-    report : dict
-        Settings, counts, seconds and versions, in plain types only. The page "The report" of the
-        documentation explains every key.
+    report : Report
+        Settings, counts, seconds and versions: a dict of plain types, with its entries as attributes.
+        ``report.to_json()`` is the text of the file beside the picture. The page "The report" of the
+        documentation explains every entry.
     channels : dict
         The requested ``outputs`` by name, (height, width) or (height, width, k) arrays, such as
         ``channels["depth"]``. The page "Pictures as files" lists them.
     """
 
     image: NDArray[np.float32]
-    report: dict[str, Any]
+    report: Report
     channels: dict[str, NDArray[np.float32]] = field(default_factory=dict)
 
     @property
@@ -51,7 +53,8 @@ class RenderResult:
         tells more. It counts neither light that the integrator does not find, nor lamps that no camera
         ray has met (``noise.unmet_lamps_95`` of the report), nor the geometric error.
         """
-        return self._relative("both")
+        error = self.report.relative_error
+        return math.nan if error is None else error.of("target_error")
 
     @property
     def error_trimmed(self) -> float:
@@ -59,13 +62,8 @@ class RenderResult:
 
         A few bright paths may dominate `error` in a picture that looks fine.
         """
-        return self._relative("both_trimmed")
-
-    def _relative(self, key: str) -> float:
-        errors = self.report["relative_error"]
-        if errors is None:
-            return math.nan
-        return math.inf if errors[key] is None else float(errors[key])
+        error = self.report.relative_error
+        return math.nan if error is None else error.of("target_error_trimmed")
 
     @property
     def mean(self) -> float:
@@ -80,19 +78,18 @@ class RenderResult:
         that no camera ray has met may add. It counts neither light that the integrator does not find
         nor what ``max_depth`` cuts off.
         """
-        noise = self.report["noise"]
-        half = None if noise is None else noise["half_interval_95_of_image_mean"]
-        return math.nan if half is None else float(half)
+        noise = self.report.noise
+        return math.nan if noise is None else noise.half_interval_95_of_image_mean
 
     @property
     def seconds(self) -> float:
         """Wall-clock seconds of the render, without the compilation of kernels."""
-        return float(self.report["seconds"]["total"])
+        return self.report.total_seconds
 
     @property
     def passes(self) -> int:
         """Number of passes of which the picture is the mean."""
-        return int(self.report["passes"])
+        return self.report.passes
 
     def forecast(self, error: float, *, trimmed: bool = False) -> Forecast | None:
         """Return the passes and seconds, all from the first one on, that a relative error takes.
@@ -151,12 +148,12 @@ class RenderInterrupted(KeyboardInterrupt):
     Attributes
     ----------
     result : RenderResult
-        The picture of the complete passes. ``report["stopped_by"]`` is "interrupted", unless all
+        The picture of the complete passes. ``report.stopped_by`` is "interrupted", unless all
         passes were complete when Ctrl-C was pressed.
     """
 
     def __init__(self, result: RenderResult) -> None:
-        super().__init__(f"interrupted after {passes_in_words(result.report['passes'])}")
+        super().__init__(f"interrupted after {passes_in_words(result.report.passes)}")
         self.result = result
 
     def __reduce__(self) -> tuple[Any, ...]:

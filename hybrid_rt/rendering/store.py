@@ -21,7 +21,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,9 @@ from hybrid_rt.core.ledger import as_json
 from hybrid_rt.integrators.workers import Counts
 from hybrid_rt.rendering.identity import differences
 from meshing.checks import as_path
+
+if TYPE_CHECKING:
+    from hybrid_rt.rendering.report import Session
 
 # Sums are saved after so many seconds; less often where that takes more than a twentieth of them.
 EVERY, SHARE = 10.0, 0.05
@@ -60,7 +63,7 @@ class Saved:
     counts : Counts
     limit : dict
         What the stopping criterion knew.
-    sessions : list of dict
+    sessions : list of Session
         One for each call that added passes: when it ``began`` (seconds since 1970), ``passes``
         (first, stop), ``seconds``, ``kernel_compilation_seconds``, ``threads``.
     identity : dict
@@ -71,7 +74,7 @@ class Saved:
     arrays: dict[str, NDArray[Any]]
     counts: Counts
     limit: dict[str, Any]
-    sessions: list[dict[str, Any]] = field(default_factory=list)
+    sessions: list[Session] = field(default_factory=list)
     identity: dict[str, Any] = field(default_factory=dict)
 
 

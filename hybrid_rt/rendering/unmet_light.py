@@ -14,14 +14,14 @@ well. Photons tell how bright the brightest one is; see `hybrid_rt.integrators.p
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hybrid_rt.core.records import BoolArray
 from hybrid_rt.lights.surface import shining_surface
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
-from hybrid_rt.sensor.film import Film
+from hybrid_rt.sensor.film import Film, Noise
 from hybrid_rt.sensor.intervals import half_interval_of_mean
 from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
 from hybrid_rt.shading.kernels.lobes.register import DIFFUSE, FOLLOWED
@@ -97,17 +97,17 @@ def unmet_place(scene: CompiledScene, check: CrossCheck | None, film: Film, n_ra
     return 0.0 if film.highest_sum >= MET * highest else OF_NONE_MET * highest / n_rays
 
 
-def interval_of_noise(noise: dict[str, Any]) -> float:
+def interval_of_noise(noise: Noise) -> float:
     """Return half the 95 % interval of the image mean that its noise gives."""
     return half_interval_of_mean(
-        noise["standard_error_of_image_mean"],
-        noise["interval_factor"],
-        noise["bright_path_in_image_mean"],
+        noise.standard_error_of_image_mean,
+        noise.interval_factor,
+        noise.bright_path_in_image_mean,
     )
 
 
 def missing_light(
-    check: CrossCheck | None, noise: dict[str, Any] | None, half: float, lost_share: float
+    check: CrossCheck | None, noise: Noise | None, half: float, lost_share: float
 ) -> tuple[float, bool]:
     """Return how much the mean of a picture may lack by an independent estimate, and whether it must.
 
@@ -116,8 +116,7 @@ def missing_light(
     Parameters
     ----------
     check : CrossCheck, optional
-    noise : dict, optional
-        See `Film.noise`.
+    noise : Noise, optional
     half : float
         Half the interval of the mean so far.
     lost_share : float
@@ -133,10 +132,10 @@ def missing_light(
     """
     if check is None or check.mean is None or noise is None:
         return 0.0, False
-    highest = (noise["image_mean"] + half) * (1.0 + lost_share)
+    highest = (noise.image_mean + half) * (1.0 + lost_share)
     if check.mean.low > highest:
         check.repeat()
-    lacks = check.mean.high - noise["image_mean"] if check.mean.low > highest else 0.0
+    lacks = check.mean.high - noise.image_mean if check.mean.low > highest else 0.0
     return lacks, check.mean.least > highest
 
 

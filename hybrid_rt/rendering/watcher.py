@@ -10,9 +10,10 @@ from hybrid_rt.core import checks
 
 if TYPE_CHECKING:
     from hybrid_rt.integrators.context import RenderContext
-    from hybrid_rt.integrators.photons.unfound_light import UnfoundLight
+    from hybrid_rt.integrators.photons.figures import LightNotFound
     from hybrid_rt.integrators.workers import Workers
     from hybrid_rt.rendering.limits import Clock, Limit
+    from hybrid_rt.rendering.report import PictureSettings, Report
     from hybrid_rt.scene.scene import Scene
     from hybrid_rt.sensor.film import Film
 
@@ -32,26 +33,25 @@ class Beginning:
     ----------
     scene : Scene
     context : RenderContext
-    settings : dict
-        The settings, as in the report.
+    settings : PictureSettings
     threads : int
     clock : Clock
     film : Film
         Read it only while you hold the watcher's lock.
     left_out : list of str
         Light that the integrator does not find.
-    unfound : UnfoundLight, optional
+    unfound : LightNotFound, optional
         How much light that is, if it was measured.
     """
 
     scene: Scene
     context: RenderContext
-    settings: dict[str, Any]
+    settings: PictureSettings
     threads: int
     clock: Clock
     film: Film
     left_out: list[str]
-    unfound: UnfoundLight | None
+    unfound: LightNotFound | None
 
 
 class Watcher(Protocol):
@@ -85,14 +85,12 @@ class Watcher(Protocol):
     def note(self, film: Film, workers: Workers, limit: Limit, clock: Clock) -> None:
         """Receive the film when more passes are complete; no other thread changes it meanwhile."""
 
-    def end(self, report: dict[str, Any]) -> None:
+    def end(self, report: Report) -> None:
         """Receive, once, the report of the finished picture."""
 
 
-def check_watcher(watch: object) -> None:
-    """Raise TypeError unless a value has all that a render asks of a watcher, or is None."""
-    if watch is None:
-        return
+def check_watcher(watch: Watcher) -> Watcher:
+    """Return a watcher; raise TypeError if it lacks what a render asks of one."""
     names = ("film_lock", "stop_asked", "begin", "note_rays", "note", "end")
     missing = [name for name in names if not checks.has(watch, name)]
     missing += [
@@ -102,3 +100,4 @@ def check_watcher(watch: object) -> None:
         raise TypeError(
             f"watch is {checks.shown(watch)}, without {missing[0]!r}: pass a LivePage, another Watcher, or None"
         )
+    return watch

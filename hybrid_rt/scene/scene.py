@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from hybrid_rt.core import checks
-from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.one_line import call
+from hybrid_rt.core.suggestions import explains
 from hybrid_rt.lights.light import Environment, Light
 from hybrid_rt.materials.material import Material
 from hybrid_rt.sensor.projection import Projection

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt.core import checks
-from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.one_line import call
 from hybrid_rt.core.records import FloatArray
+from hybrid_rt.core.suggestions import explains
 from hybrid_rt.sensor.projection import Projection
 
 # A lens wider than this, in distances of the sharp plane, leaves no digits of where rays meet there.

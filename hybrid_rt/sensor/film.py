@@ -63,6 +63,40 @@ class RelativeErrors:
     ahead: float
 
 
+@dataclass(frozen=True)
+class Noise:
+    """The estimated noise of a picture.
+
+    Attributes
+    ----------
+    errs_on_the_safe_side : bool
+        True before 16 passes, unless the worst pixels hold more than a tenth of the squared error:
+        then too few passes have met what those pixels show.
+    interval_factor, standard_error_of_image_mean, bright_path_in_image_mean : float
+        What `half_interval_of_mean` takes.
+    relative_rmse, relative_rmse_trimmed, relative_rmse_trimmed_ahead : float
+        ``whole``, ``trimmed`` and ``ahead`` of `RelativeErrors`.
+    pixels_without_light : int
+        Those that are black in every pass, whose error counts as none.
+    pixels_dark : int
+        All others darker than `DIM`.
+    """
+
+    errs_on_the_safe_side: bool
+    interval_factor: float
+    image_mean: float
+    standard_error_of_image_mean: float
+    bright_path_in_image_mean: float
+    root_mean_square_standard_error_of_pixels: float
+    relative_rmse: float
+    relative_rmse_trimmed: float
+    relative_rmse_trimmed_ahead: float
+    worst_pixels: int
+    worst_pixels_share_of_squared_error: float
+    pixels_without_light: int
+    pixels_dark: int
+
+
 class Film:
     """Accumulates passes, group by group; estimates the noise of their mean.
 
@@ -236,17 +270,8 @@ class Film:
         return self._root_mean_squares()[1]
 
     @OVERFLOWS
-    def noise(self) -> dict[str, Any] | None:
-        """Return the noise estimates for the report; None after a single pass.
-
-        See `standard_error` and `relative_errors`. A 95 % interval of the image mean reaches
-        ``interval_factor`` standard errors to either side where its noise is even, and farther where
-        few bright paths make it: ``bright_path_in_image_mean`` is what one of them adds to the mean,
-        0 before 16 passes; see `half_interval_of_mean`. ``errs_on_the_safe_side``: before 16
-        passes, unless the worst pixels hold more than a tenth of the squared error; then too
-        few passes have met what those pixels show. ``pixels_without_light``: those that are black
-        in every pass, whose error counts as none. ``pixels_dark``: all others darker than `DIM`.
-        """
+    def noise(self) -> Noise | None:
+        """Return the estimates of the noise; None after a single pass."""
         n = self.n_passes
         if n < 2:
             return None
@@ -259,21 +284,21 @@ class Film:
         absolute, relative = self._root_mean_squares()
         n_pixels = self._sums[0].size // 3
         is_lit = self._sums.any(axis=(0, 3)) | self._run.any(axis=2)
-        return {
-            "errs_on_the_safe_side": is_early and relative.share_of_worst <= RARE,
-            "interval_factor": STUDENT[(n if is_early else GROUPS) - 2],
-            "image_mean": mean,
-            "standard_error_of_image_mean": of_mean,
-            "bright_path_in_image_mean": 0.0 if is_early else self._bright_path(mean),
-            "root_mean_square_standard_error_of_pixels": absolute,
-            "relative_rmse": relative.whole,
-            "relative_rmse_trimmed": relative.trimmed,
-            "relative_rmse_trimmed_ahead": relative.ahead,
-            "worst_pixels": relative.n_worst,
-            "worst_pixels_share_of_squared_error": relative.share_of_worst,
-            "pixels_without_light": n_pixels - int(np.count_nonzero(is_lit)),
-            "pixels_dark": int(np.count_nonzero(is_lit & (self.image.mean(axis=2) < DIM))),
-        }
+        return Noise(
+            errs_on_the_safe_side=is_early and relative.share_of_worst <= RARE,
+            interval_factor=STUDENT[(n if is_early else GROUPS) - 2],
+            image_mean=mean,
+            standard_error_of_image_mean=of_mean,
+            bright_path_in_image_mean=0.0 if is_early else self._bright_path(mean),
+            root_mean_square_standard_error_of_pixels=absolute,
+            relative_rmse=relative.whole,
+            relative_rmse_trimmed=relative.trimmed,
+            relative_rmse_trimmed_ahead=relative.ahead,
+            worst_pixels=relative.n_worst,
+            worst_pixels_share_of_squared_error=relative.share_of_worst,
+            pixels_without_light=n_pixels - int(np.count_nonzero(is_lit)),
+            pixels_dark=int(np.count_nonzero(is_lit & (self.image.mean(axis=2) < DIM))),
+        )
 
     @property
     @OVERFLOWS

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hybrid_rt.core.keywords import explains
 from hybrid_rt.core.one_line import call
 from hybrid_rt.core.records import FloatArray
+from hybrid_rt.core.suggestions import explains
 from hybrid_rt.sensor.projection import Projection
 
 # The sine of the polar angle counts as this at least: at the poles the pdf has no bound.

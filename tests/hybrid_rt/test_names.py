@@ -8,7 +8,7 @@ import pytest
 
 import hybrid_rt
 import meshing
-from hybrid_rt.core.other_names import _BY_NAME
+from hybrid_rt.core.suggestions import _BY_NAME
 
 
 def test_surfaces_and_curves_of_meshing_are_names_of_both_packages():

@@ -139,8 +139,8 @@ def curves(
         render(scene.with_camera(scene.camera.resized(8, 8)), "ppm", 1, options=PPMOptions(100))
         for n in passes:
             result = render(scene, "ppm", n, seed=SEED, threads=threads, options=options)
-            case.seconds.append(result.report["seconds"]["total"])
-            case.build_seconds = result.report["seconds"]["build"]
+            case.seconds.append(result.report.total_seconds)
+            case.build_seconds = result.report.seconds["build"]
             case.errors.append(relative_mse(result.image[seen], reference[seen]))
         case.image = result.image
         yield case

@@ -22,6 +22,7 @@ from hybrid_rt.integrators.kernels.photon_steps import EMITTED, MET_SPECULAR, Ph
 from hybrid_rt.integrators.photons.blur import BlurSums
 from hybrid_rt.integrators.photons.density_estimation import Field, Points
 from hybrid_rt.integrators.photons.eye_pass import EyePass
+from hybrid_rt.integrators.photons.figures import PhotonFigures, Power
 from hybrid_rt.integrators.photons.light_tracing import Splats
 from hybrid_rt.integrators.photons.photon_groups import Group, blocks_of
 from hybrid_rt.integrators.photons.photon_tracer import (
@@ -263,32 +264,27 @@ class PhotonWorkers(Workers):
                 setattr(eye_pass, name, 0)
         self._n_splats, self._balance = 0, Balance()
 
-    def report(self, blur: Blur) -> dict[str, Any]:
+    def photons(self, blur: Blur) -> PhotonFigures:
         """Return the photon statistics of the report, in plain types."""
-        first = self._eye_passes[0]
-        balance = self._balance
-        names = ("emitted", "escaped", "absorbed", "lost")
-        photons = {
+        first, balance = self._eye_passes[0], self._balance
+        power = [[twelve_digits(x) for x in part] for part in balance.power.tolist()]
+        return PhotonFigures(
             **self._about(),
-            "emitted": balance.n_emitted,
-            "stored": balance.n_stored,
-            "shown_to_camera": self._n_splats,
-            "gather_points": first.n_points,
-            "gathered_per_point": first.n_gathered / max(first.n_points, 1),
-            "points_without_photons": first.n_without,
-            "points_with_shown_photons_alone": first.n_shown,
-            "blur_root_mean_square": blur.absolute,
-            "blur_root_mean_square_at_most": blur.absolute_at_most,
-            "blur_relative_rmse": blur.relative,
-            "blur_relative_rmse_at_most": blur.relative_at_most,
-            "blur_of_image_mean": blur.of_mean,
-            "blur_of_image_mean_standard_error": blur.of_mean_error,
-            "power_of_all_passes": {
-                name: [twelve_digits(x) for x in power]
-                for name, power in zip(names, balance.power.tolist(), strict=True)
-            },
-        }
-        return {"photons": photons, "points_missed_by_photons": self._n_missed}
+            emitted=balance.n_emitted,
+            stored=balance.n_stored,
+            shown_to_camera=self._n_splats,
+            gather_points=first.n_points,
+            gathered_per_point=first.n_gathered / max(first.n_points, 1),
+            points_without_photons=first.n_without,
+            points_with_shown_photons_alone=first.n_shown,
+            blur_root_mean_square=blur.absolute,
+            blur_root_mean_square_at_most=blur.absolute_at_most,
+            blur_relative_rmse=blur.relative,
+            blur_relative_rmse_at_most=blur.relative_at_most,
+            blur_of_image_mean=blur.of_mean,
+            blur_of_image_mean_standard_error=blur.of_mean_error,
+            power_of_all_passes=Power(*power),
+        )
 
     def blur(self, image: NDArray[np.float32]) -> Blur:
         """Estimate the blur (bias) of the mean of all passes so far."""
@@ -297,12 +293,12 @@ class PhotonWorkers(Workers):
         is_met = any(eye_pass.n_gathered for eye_pass in self._eye_passes)
         # A black picture is none that photons, which met nothing that is seen, tell anything of.
         is_black = self._balance.n_emitted > 0 and not image.any()
-        if not is_met and (is_black or (self.may_miss and self._n_missed)):
+        if not is_met and (is_black or (self.may_miss and self.n_missed)):
             return UNKNOWN_BLUR
         return self._blur.estimate(image)
 
     @property
-    def _n_missed(self) -> int:
+    def n_missed(self) -> int:
         """Points that met no photon, though expected to, if these are nearly all; else 0.
 
         Photons that are shown to the camera are not gathered as well: where most are, few are missed.

@@ -13,14 +13,16 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
+from hybrid_rt.core.ledger import twelve_digits
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.photon_steps import LOST, Photons
 from hybrid_rt.integrators.light_found import letters_of_lights
+from hybrid_rt.integrators.photons.figures import LightNotFound
 from hybrid_rt.integrators.photons.probe import (
     TRAITS,
     Beginnings,
@@ -49,38 +51,8 @@ UNFOUND_DIMENSION = 2**42
 RAYS = 2
 
 
-@dataclass(frozen=True)
-class UnfoundLight:
-    """Light that an integrator does not find, of paths that meet a wide lobe.
-
-    Attributes
-    ----------
-    n_photons : int
-        Photons traced.
-    mean : float or None
-        What it would add to the mean of the picture over pixels and channels; None if not known.
-    half_interval : float or None
-        Half of the 95 % interval of ``mean``; None where nothing of a group of photons reaches the
-        camera: what is seen so rarely has no interval that holds.
-    max_depth : int
-        Bounces that photons were followed for.
-    lost_share : float
-        What they carried there, over what they carried behind their first surface: about the share
-        of this light that has more bounces, and that ``mean`` lacks.
-    why_unknown : str
-        Why there is no ``mean``; "": there is.
-    """
-
-    n_photons: int
-    mean: float | None
-    half_interval: float | None
-    max_depth: int
-    lost_share: float
-    why_unknown: str = ""
-
-
 @OVERFLOWS
-def unfound_light(context: RenderContext, found: str) -> UnfoundLight | None:
+def unfound_light(context: RenderContext, found: str) -> LightNotFound | None:
     """Estimate the light that is not found.
 
     Parameters
@@ -92,7 +64,7 @@ def unfound_light(context: RenderContext, found: str) -> UnfoundLight | None:
 
     Returns
     -------
-    UnfoundLight or None
+    LightNotFound or None
         None if it cannot be measured so: no such path meets a wide lobe, the camera is inside
         glass, a light has no end (see `PhotonTracer`), or the light is too bright for float64.
     """
@@ -116,7 +88,8 @@ def unfound_light(context: RenderContext, found: str) -> UnfoundLight | None:
         lost += float(tracer.balance.power[LOST].sum())
     if not is_measured or not np.isfinite(means).all():
         return None
-    depth, lost_share = _depth(context), lost / begun if begun > 0.0 else 0.0
+    lost_share = twelve_digits(lost / begun) if begun > 0.0 else 0.0
+    light = LightNotFound(n_photons, _depth(context), lost_share)
     why = ""
     if is_mixed:
         why = MIXED
@@ -124,9 +97,9 @@ def unfound_light(context: RenderContext, found: str) -> UnfoundLight | None:
         few = "too few" if means.any() else "none"
         why = f"of {n_photons:,} photons {few} reach the camera"
     if why:
-        return UnfoundLight(n_photons, None, None, depth, lost_share, why)
+        return replace(light, why_unknown=why)
     half = STUDENT[GROUPS - 2] * float(means.std(ddof=1)) / math.sqrt(GROUPS)
-    return UnfoundLight(n_photons, float(means.mean()), half, depth, lost_share)
+    return replace(light, mean=float(means.mean()), half_interval_95=half)
 
 
 def _depth(context: RenderContext) -> int:

@@ -23,8 +23,8 @@ function showAbout() {
     box.append(paragraph(`Its size is not known: ${about.unfound.why_unknown}.`, "small"));
   else if (about.unfound)
     box.append(paragraph(
-      `The image mean lacks ${number(about.unfound.mean, 3)} ± ${number(about.unfound.half_interval, 1)} of it (95 %), ` +
-      `measured by ${many(about.unfound.n_photons)} photons where the camera sees matt surfaces directly.`, "small"));
+      `The image mean lacks ${number(about.unfound.mean, 3)} ± ${number(about.unfound.half_interval_95, 1)} of it (95 %), ` +
+      `measured by ${many(about.unfound.photons)} photons where the camera sees matt surfaces directly.`, "small"));
   else box.append(paragraph("Its size is not measured.", "small"));
   if (about.has_photons) box.append(paragraph(
     about.blur_stays ? "Photons blur the light a little; more passes do not lessen that." : "Photons blur the light a little; more passes lessen that.", "small"));

@@ -8,6 +8,7 @@ several surfaces, and those of meshes, are not looked at, as they may be open.
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,7 +24,15 @@ SLACK = 1e-9
 _CORNERS = np.array(list(itertools.product((0, 1), repeat=3)))
 
 
-def lamps_in_bodies(scene: CompiledScene) -> list[dict[str, str]]:
+@dataclass(frozen=True)
+class LampInBody:
+    """The names of a lamp and of the first opaque body that it lies in."""
+
+    lamp: str
+    body: str
+
+
+def lamps_in_bodies(scene: CompiledScene) -> list[LampInBody]:
     """Return the lamps that lie inside of an opaque body in which the camera does not lie.
 
     The picture is the same without them.
@@ -31,11 +40,6 @@ def lamps_in_bodies(scene: CompiledScene) -> list[dict[str, str]]:
     Parameters
     ----------
     scene : CompiledScene
-
-    Returns
-    -------
-    list of dict
-        For each its name (``lamp``) and that of the first such ``body``.
     """
     is_clear = scene.materials_with(TRANSMITS)
     bodies = [
@@ -62,12 +66,8 @@ def lamps_in_bodies(scene: CompiledScene) -> list[dict[str, str]]:
                 and _depth(surface, points, radius) > slack
                 and _depth(surface, camera.look_from[None], 0.0) < -camera.reach - slack
             ):
-                found.append(
-                    {
-                        "lamp": name_of(scene, own, light),
-                        "body": name_of(scene, body, int(scene.light_of[body])),
-                    }
-                )
+                around_it = name_of(scene, body, int(scene.light_of[body]))
+                found.append(LampInBody(name_of(scene, own, light), around_it))
                 break
     return found
 

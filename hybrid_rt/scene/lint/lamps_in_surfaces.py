@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -64,9 +63,29 @@ class Sunken:
     way: FloatArray | None
 
 
+@dataclass(frozen=True)
+class LampInSurface:
+    """A lamp that coincides with a surface, for the report.
+
+    Attributes
+    ----------
+    lamp, surface : str
+        Their names.
+    share : float
+        Of the lamp's area, the part that lies in the surface.
+    lifted_by : float
+        Offset by which the lamp was moved, scene units; 0: it could not be moved.
+    """
+
+    lamp: str
+    surface: str
+    share: float
+    lifted_by: float = 0.0
+
+
 def with_lamps_lifted(
     scene: Scene, compiled: CompiledScene, build: Callable[[CompiledScene], Intersector]
-) -> tuple[CompiledScene, Intersector, list[dict[str, Any]]]:
+) -> tuple[CompiledScene, Intersector, list[LampInSurface]]:
     """Offset all coincident lights; return the scene, its tracer, and notes for the report.
 
     Parameters
@@ -82,28 +101,24 @@ def with_lamps_lifted(
     compiled : CompiledScene
         Unchanged if no light coincides with a surface.
     tracer : Intersector
-    notes : list of dict
-        For each coincident light its name (``lamp``), that of the ``surface``, the ``share`` of its
-        area, and the offset (``lifted_by``, scene units). 0: it could not be moved; a warning is
-        logged as well.
+    notes : list of LampInSurface
+        One for each coincident light. If it could not be moved, a warning is logged as well.
     """
     tracer = build(compiled)
-    notes: dict[int, dict[str, Any]] = {}  # by row in the light table, as names may be alike
+    notes: dict[int, LampInSurface] = {}  # by row in the light table, as names may be alike
     for _ in range(MOST_LIFTS):
         sunken = [lamp for lamp in sunken_lamps(compiled, tracer) if _counts(lamp, notes)]
         if not sunken:
             break
         lifted = {}
         for lamp in sunken:
-            note = notes.setdefault(
-                lamp.light,
-                {"lamp": lamp.lamp, "surface": lamp.surface, "share": lamp.share, "lifted_by": 0.0},
-            )
+            first = LampInSurface(lamp.lamp, lamp.surface, lamp.share)
+            note = notes.setdefault(lamp.light, first)
             if lamp.way is None or not _is_movable(scene, lamp.light):
                 LOG.warning(lamp_in_words(note))
                 continue
             height = LIFT * max(size_by_camera(compiled), _reach(compiled, lamp.light))
-            note["lifted_by"] += height
+            notes[lamp.light] = replace(note, lifted_by=note.lifted_by + height)
             lifted[lamp.light] = _moved(scene, compiled, lamp.light, height * lamp.way)
         if not lifted:
             break
@@ -113,15 +128,13 @@ def with_lamps_lifted(
     return compiled, tracer, list(notes.values())
 
 
-def lamp_in_words(note: dict[str, Any]) -> str:
+def lamp_in_words(note: LampInSurface) -> str:
     """Format a note of `with_lamps_lifted` as a sentence."""
-    place = f"{note['lamp']} lies in {note['surface']}"
-    if note["lifted_by"] > 0.0:
-        return (
-            f"{place}: it counts as lying before it, and was moved there by {note['lifted_by']:.1g}"
-        )
-    if note["share"] < 0.995:
-        place += f", with {100.0 * note['share']:.2g} % of its area"
+    place = f"{note.lamp} lies in {note.surface}"
+    if note.lifted_by > 0.0:
+        return f"{place}: it counts as lying before it, and was moved there by {note.lifted_by:.1g}"
+    if note.share < 0.995:
+        place += f", with {100.0 * note.share:.2g} % of its area"
     return (
         f"{place}: which of the two is met there is not defined, and integrators differ: move it "
         "away from there, a millionth of its size is enough"
@@ -186,9 +199,9 @@ def sunken_lamps(scene: CompiledScene, tracer: Intersector) -> list[Sunken]:
     return sunken
 
 
-def _counts(lamp: Sunken, notes: dict[int, dict[str, Any]]) -> bool:
+def _counts(lamp: Sunken, notes: dict[int, LampInSurface]) -> bool:
     """Tell whether a lamp is to be lifted: of two lamps in each other, the first one is."""
-    has_been_told = lamp.light in notes and notes[lamp.light]["lifted_by"] == 0.0
+    has_been_told = lamp.light in notes and notes[lamp.light].lifted_by == 0.0
     return not has_been_told and (lamp.partner == NOTHING or lamp.light < lamp.partner)
 
 

@@ -14,6 +14,7 @@ import sys
 import termios
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import imageio.v3 as imageio
 import numpy as np
@@ -29,6 +30,7 @@ from hybrid_rt.cli.scene_file import SceneFileError, load_scene
 from hybrid_rt.rendering import renderer as rendering
 from hybrid_rt.rendering.forecast import further
 from hybrid_rt.rendering.progress_bar import progress_bar
+from hybrid_rt.rendering.report import Report, StoreFigures
 from hybrid_rt.sensor import image_files
 
 SCRIPT = """
@@ -105,13 +107,13 @@ def test_the_command_that_goes_on_goes_further(folder, capsys, monkeypatch, limi
         assert cli.main(words[1:]) == 0
         words = shlex.split(re.search(r"go on     (.*)", capsys.readouterr().out)[1])
         assert [word for word in words if word != "--resume"][:-1] == [*begin, *kept, moved]
-        report = json.loads((folder / "ball.json").read_text())
-        passes.append(report["passes"])
-        error = report["relative_error"]
+        report = Report.from_json((folder / "ball.json").read_text())
+        passes.append(report.passes)
+        error = report.relative_error
         expected = {
             "--passes": further(report).passes,
-            "--target-error": 0.5 * error["both"],
-            "--target-error-trimmed": 0.5 * error["both_trimmed"],
+            "--target-error": 0.5 * error.both,
+            "--target-error-trimmed": 0.5 * error.both_trimmed,
         }
         assert words[-1] == f"{expected[moved]:{'d' if moved == '--passes' else '.1g'}}"
     assert 2 * passes[0] <= passes[1] <= passes[2] / 2
@@ -159,8 +161,8 @@ print(shlex.join(program_words()))
 
 def test_pixels_that_are_not_finite_are_not_gone_on_from():
     """Passes would be added for ever; a render that is asked to go on adds none."""
-    kept = {"folder": "kept", "lost": [], "not_saved": "", "passes_before": 0}
-    said = how_to_go_on({"store": kept, "passes": 16, "stopped_by": "not_finite"})
+    kept = StoreFigures("kept", 0, [], [], "")
+    said = how_to_go_on(SimpleNamespace(store=kept, passes=16, stopped_by="not_finite"))
     assert said == "  store     kept holds 16 passes"
 
 

@@ -78,5 +78,5 @@ def test_closed_forms_are_certified_in_every_accuracy():
 def test_interval_of_a_share_is_wilsons():
     for k, n in ((50, 100), (0, 10), (10, 10), (1, 100_000)):
         truth = binomtest(k, n).proportion_ci(0.95, method="wilson")
-        assert share_interval(k, n) == pytest.approx([truth.low, truth.high], rel=1e-6, abs=1e-12)
-    assert share_interval(0, 0) == [0.0, 1.0]
+        assert share_interval(k, n) == pytest.approx((truth.low, truth.high), rel=1e-6, abs=1e-12)
+    assert share_interval(0, 0) == (0.0, 1.0)

@@ -24,14 +24,15 @@ from hybrid_rt import (
 from hybrid_rt.cli.program import main
 from hybrid_rt.core.ledger import Ledger
 from hybrid_rt.integrators import INTEGRATORS
-from hybrid_rt.integrators.options import PathOptions, PPMOptions
+from hybrid_rt.integrators.options import PPMOptions
 from hybrid_rt.primitives.rectangle import Rectangle
 from hybrid_rt.rendering import cluster
 from hybrid_rt.rendering.cluster import check_address
 from hybrid_rt.rendering.cluster_tasks import _SCENES, PreparedScene, forget_scene
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.rendering.run import ClusterLost
-from hybrid_rt.rendering.set_up import Request, set_up
+from hybrid_rt.rendering.set_up import set_up
+from hybrid_rt.rendering.settings import Settings
 
 distributed = pytest.importorskip("distributed")
 
@@ -133,8 +134,7 @@ def test_threads_of_a_process_make_the_same_bits():
         [floor, pane],
         [SphereLight((0, 0, 10), 0.04, 1e4)],
     )
-    request = Request(behind, "path", 0, 16, "certified", "none", None, PathOptions())
-    prepared = PreparedScene("path", pickle.dumps(request))
+    prepared = PreparedScene("path", pickle.dumps((behind, Settings(coarse="none"))))
     # Each at work when the other is asked for, as in two threads.
     first, second = prepared.take(), prepared.take()
     assert not first.context.plan["light paths"]
@@ -205,20 +205,20 @@ def scenes_set_up():
 
 def test_workers_set_the_scene_up_before_the_first_pass():
     """Or that would count as the slowest pass, by which a time budget is judged."""
-    request = Request(scene(), "path", 0, 16, "certified", "none", None, PathOptions())
-    here = set_up(request, 1, Ledger()).workers
-    with cluster.Cluster("local:1", request, here, None) as source:
+    asked = scene(), Settings(passes=16, coarse="none")
+    here = set_up(*asked, 1, Ledger()).workers
+    with cluster.Cluster("local:1", *asked, here) as source:
         assert list(source._client.run(scenes_set_up).values()) == [[True]]
 
 
 def test_a_worker_that_was_restarted_gets_the_scene_again():
     """Its address may be the same. Tasks that it fails in between are made again."""
-    request = Request(scene(), "path", 0, 16, "certified", "none", None, PathOptions())
-    here = set_up(request, 1, Ledger()).workers
-    with cluster.Cluster("local:1", request, here, 16) as source:
+    asked = scene(), Settings(passes=16, coarse="none")
+    here = set_up(*asked, 1, Ledger()).workers
+    with cluster.Cluster("local:1", *asked, here) as source:
         source._client.run(forget_scene, source._key)
         made = [one.radiance for one in source.render_passes(range(16))]
-        assert source.about()["tried_again"] > 0
+        assert source.about("").tried_again > 0
     np.testing.assert_array_equal(made, [one.radiance for one in here.render_passes(range(16))])
 
 
@@ -228,9 +228,9 @@ def hears_ctrl_c():
 
 def test_processes_of_this_machine_do_not_hear_ctrl_c():
     """A terminal sends it to them as well, and each printed a traceback; this process ends them."""
-    request = Request(scene(), "path", 0, 16, "certified", "none", None, PathOptions())
-    here = set_up(request, 1, Ledger()).workers
-    with cluster.Cluster("local:2", request, here, None) as source:
+    asked = scene(), Settings(passes=16, coarse="none")
+    here = set_up(*asked, 1, Ledger()).workers
+    with cluster.Cluster("local:2", *asked, here) as source:
         assert list(source._client.run(hears_ctrl_c).values()) == [False, False]
     assert hears_ctrl_c()
 

@@ -15,7 +15,8 @@ from hybrid_rt.primitives.rectangle import Rectangle
 from hybrid_rt.rendering import cluster, cluster_tasks
 from hybrid_rt.rendering.cluster_tasks import UnknownIntegratorError, keep_scene, make_passes
 from hybrid_rt.rendering.run import ClusterLost
-from hybrid_rt.rendering.set_up import Request, set_up
+from hybrid_rt.rendering.set_up import set_up
+from hybrid_rt.rendering.settings import Settings
 from hybrid_rt.sensor.passes import GROUPS, RUN
 
 # The last pass of the first runs, which come one by one, and a whole run.
@@ -30,7 +31,7 @@ def request_of(integrator):
         [floor],
         [SphereLight((0, 0, 2), 0.1, 100)],
     )
-    return Request(scene, integrator, 0, 16, "certified", "none", None, OPTIONS[integrator])
+    return scene, Settings(integrator, coarse="none", options=OPTIONS[integrator])
 
 
 class Future:
@@ -56,8 +57,8 @@ def honest(request):
 
 def taken(asked, result):
     """Return what the client takes of it, sent as pickled as it would be."""
-    here = set_up(asked, 1, Ledger()).workers
-    source = cluster.Cluster("local:1", asked, here, None)
+    here = set_up(*asked, 1, Ledger()).workers
+    source = cluster.Cluster("local:1", *asked, here)
     future = Future(pickle.loads(pickle.dumps(result)))
     source._tasks = deque([cluster._Task(FIRST, STOP, future, frozenset())])
     source._looked = np.inf
@@ -163,7 +164,7 @@ def test_what_a_worker_makes_is_taken(honest):
     asked, result = honest
     parts = taken(asked, result)
     assert [part.passes for part in parts] == [range(15, 16), range(16, 20)]
-    own = list(set_up(asked, 1, Ledger()).workers.render_passes(range(FIRST, STOP)))
+    own = list(set_up(*asked, 1, Ledger()).workers.render_passes(range(FIRST, STOP)))
     assert isinstance(parts[0].made, Pass)
     np.testing.assert_array_equal(parts[0].made.radiance, own[0].radiance)
 
@@ -178,7 +179,7 @@ def test_what_a_worker_makes_is_taken(honest):
 def test_the_advice_on_an_integrator_of_ones_own_is_for_this_cluster(is_local, words):
     """Processes of this machine take no --preload."""
     asked = request_of("path")
-    source = cluster.Cluster("local:1", asked, set_up(asked, 1, Ledger()).workers, None)
+    source = cluster.Cluster("local:1", *asked, set_up(*asked, 1, Ledger()).workers)
     source._local = object() if is_local else None
     said = source._why_not(UnknownIntegratorError("workers do not know the integrator 'own'"))
     assert said.startswith("workers do not know the integrator 'own': ")

@@ -8,12 +8,13 @@ import pytest
 
 from hybrid_rt import demo
 from hybrid_rt.core.ledger import Ledger
-from hybrid_rt.integrators import PathOptions, PPMOptions
+from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.lights import GradientSky, SphereLight
 from hybrid_rt.materials import Dielectric, Lambertian
 from hybrid_rt.primitives import Sphere
 from hybrid_rt.rendering.renderer import render
-from hybrid_rt.rendering.set_up import Request, set_up
+from hybrid_rt.rendering.set_up import set_up
+from hybrid_rt.rendering.settings import Settings
 from hybrid_rt.rendering.summary import in_words
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
@@ -74,10 +75,7 @@ class TestCoarseStage:
 
     def test_its_seconds_are_without_the_compilation_of_kernels(self):
         standing = Ledger(now=lambda: 5.0)  # as the render's clock does meanwhile
-        request = Request(
-            self.scene_of("patches"), "path", 0, 16, "certified", "embree", None, PathOptions()
-        )
-        tracer = set_up(request, 1, standing).context.tracer
+        tracer = set_up(self.scene_of("patches"), Settings(), 1, standing).context.tracer
         assert tracer.n_triangles > 100
         assert tracer.coarse_build_seconds == 0.0
 

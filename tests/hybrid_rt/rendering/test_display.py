@@ -5,12 +5,14 @@ import html
 import io
 import math
 import re
+from dataclasses import replace
 
 import imageio.v3 as imageio
 import numpy as np
 import pytest
 
 import hybrid_rt as rt
+from helpers.reports import changed
 from hybrid_rt.core.one_line import WIDEST
 from hybrid_rt.rendering import display
 from hybrid_rt.rendering.summary import in_words
@@ -50,14 +52,14 @@ def test_the_mean_and_its_interval_are_those_of_the_report(result):
 
 
 def test_a_single_pass_has_a_mean_of_unknown_error(result):
-    single = rt.RenderResult(result.image, result.report | {"noise": None})
+    single = rt.RenderResult(result.image, replace(result.report, noise=None))
     assert single.mean == result.mean
     assert math.isnan(single.mean_half_interval)
 
 
 @pytest.mark.parametrize("error", [None, {"both": None}, {"both": float("nan")}])
 def test_an_error_that_is_unknown_is_said_to_be(result, error):
-    again = rt.RenderResult(result.image, result.report | {"relative_error": error})
+    again = rt.RenderResult(result.image, changed(result.report, relative_error=error))
     assert repr(again).endswith(" s, error unknown)")
 
 
@@ -77,14 +79,14 @@ def test_an_error_that_is_unknown_is_said_to_be(result, error):
     ],
 )
 def test_what_is_to_be_known_of_an_error_stands_beside_it(result, noise, words):
-    again = rt.RenderResult(result.image, result.report | {"noise": result.report["noise"] | noise})
+    again = rt.RenderResult(result.image, changed(result.report, noise=noise))
     assert repr(again).endswith(f" % ({words}))")
     assert "(" + words not in repr(result)
 
 
 def test_a_part_of_the_light_is_named_beside_its_error(result):
-    holds = {"picture_holds": "the light that whitted finds in up to 16 bounces"}
-    again = rt.RenderResult(result.image, result.report | holds)
+    holds = "the light that whitted finds in up to 16 bounces"
+    again = rt.RenderResult(result.image, replace(result.report, picture_holds=holds))
     assert "% of the light that whitted finds" in repr(again)
     assert len(repr(again)) <= WIDEST
 
@@ -106,8 +108,8 @@ def test_the_page_says_what_the_command_line_says(result):
 
 def test_names_are_text_and_colors_those_of_the_page(result):
     """A name that looks like a tag is one of the report's words, no part of the page."""
-    lost = {"clear_bodies_not_closed": {NAME: 7}}
-    again = rt.RenderResult(result.image, result.report | lost)
+    lost = replace(result.report, clear_bodies_not_closed={NAME: 7})
+    again = rt.RenderResult(result.image, lost)
     page = again._repr_html_()
     assert NAME not in page
     assert html.escape(repr(NAME)) in page
@@ -118,8 +120,8 @@ def test_names_are_text_and_colors_those_of_the_page(result):
 @pytest.mark.parametrize(
     ("width", "shown"), [(1, 320), (16, 320), (300, 600), (320, 320), (960, 960), (1601, 960)]
 )
-def test_pictures_get_a_sensible_width(width, shown):
-    page = rt.RenderResult(np.zeros((2, width, 3), np.float32), {})._repr_html_()
+def test_pictures_get_a_sensible_width(result, width, shown):
+    page = rt.RenderResult(np.zeros((2, width, 3), np.float32), result.report)._repr_html_()
     assert f'width="{shown}"' in page
     assert ("pixelated" in page) == (width < 320)
     assert "max-width:100%" in page
@@ -136,9 +138,9 @@ def test_large_pictures_are_sent_as_means():
     assert display.reduced(image[:, :1600]).shape == (3, 1600, 3)
 
 
-def test_pixels_that_are_not_finite_do_not_hide_the_others():
+def test_pixels_that_are_not_finite_do_not_hide_the_others(result):
     image = np.full((1, 2, 3), 0.5, np.float32)
     image[0, 0] = np.nan, np.inf, -1.0
-    result = rt.RenderResult(image, {})
-    assert imageio.imread(io.BytesIO(result._repr_png_())).tolist() == [[[0, 255, 0], [188] * 3]]
-    assert repr(result) == "RenderResult(2 x 1)"
+    again = rt.RenderResult(image, result.report)
+    assert imageio.imread(io.BytesIO(again._repr_png_())).tolist() == [[[0, 255, 0], [188] * 3]]
+    assert repr(again).startswith("RenderResult(2 x 1, path, ")

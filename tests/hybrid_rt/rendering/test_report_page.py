@@ -1,17 +1,22 @@
 """docs/reference/report.md has every key of every report, and no other."""
 
 import inspect
+import json
+import pickle
 import re
 from contextlib import nullcontext
+from copy import deepcopy
+from dataclasses import FrozenInstanceError, fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import hybrid_rt as rt
+from helpers.reports import changed
 from hybrid_rt.analysis.mesh_comparison import compare_with_mesh
 from hybrid_rt.rendering import denoising
-from hybrid_rt.rendering.cluster import Cluster
+from hybrid_rt.rendering.report import LAYOUT, ClusterFigures, Report
 
 PAGE = Path(__file__).parents[3] / "docs" / "reference" / "report.md"
 ROWS = re.findall(r"^\| `([^`]+)` \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
@@ -88,7 +93,8 @@ def reports(tmp_path_factory):
         rt.render(scene(body["matt"]), "path", accuracy="refined", **one),
     ]
     found = [result.report for result in results]
-    found[-1] = found[-1] | {"exact_against_mesh": compare_with_mesh(scene(body["matt"]), 1)}
+    against_mesh = compare_with_mesh(scene(body["matt"]), 1)
+    found[-1] = replace(found[-1], exact_against_mesh=against_mesh)
     return found
 
 
@@ -109,13 +115,53 @@ def test_what_is_looked_up_first_are_attributes(reports):
     result = rt.RenderResult(np.zeros((1, 1, 3), np.float32), reports[0])
     assert result.error == reports[0]["relative_error"]["both"]
     assert (result.seconds, result.passes) == (reports[0]["seconds"]["total"], 4)
-    unknown = {"relative_error": {"both": None}}
     assert np.isnan(rt.RenderResult(result.image, reports[-1]).error)
-    assert rt.RenderResult(result.image, reports[0] | unknown).error == np.inf
+    unknown = changed(reports[0], relative_error={"both": None})
+    assert rt.RenderResult(result.image, unknown).error == np.inf
+
+
+def test_a_report_is_the_dict_of_its_file_and_read_from_it(reports):
+    for report in reports:
+        held = json.loads(report.to_json())
+        assert json.loads(json.dumps(report)) == held
+        again = Report.from_json(report.to_json())
+        assert json.loads(again.to_json()) == held
+        assert again.settings == report.settings
+        assert again.faults == report.faults
+        assert again.passes == report["passes"] == held["passes"]
+        for copy in (pickle.loads(pickle.dumps(report)), deepcopy(report)):
+            assert isinstance(copy, Report)
+            assert copy == report
+            assert copy.photons == report.photons
+
+
+def test_the_dict_may_get_entries_and_the_attributes_stay(reports):
+    report = deepcopy(reports[0])
+    with pytest.raises(FrozenInstanceError):
+        report.passes = 3
+    report["note"] = "of mine"
+    assert json.loads(report.to_json())["note"] == "of mine"
+    assert pickle.loads(pickle.dumps(report))["note"] == "of mine"
+    assert Report.from_json(report.to_json()).noise == report.noise == reports[0].noise
+    other = replace(report, passes=3)
+    assert (other.passes, other["passes"], report.passes) == (3, 3, 4)
+    assert type(report | {"passes": 3}) is dict
+
+
+def test_other_layouts_and_other_files_are_refused(reports):
+    held = dict(reports[0])
+    for other in ({**held, "layout": LAYOUT + 1}, {"passes": 3}):
+        with pytest.raises(ValueError, match="report has layout"):
+            Report.from_dict(other)
+    with pytest.raises(ValueError, match="report has layout None"):
+        Report.from_json("[]")
+    del held["noise"]
+    with pytest.raises(ValueError, match="report cannot be read: KeyError\\('noise'\\)"):
+        Report.from_dict(held)
 
 
 def test_keys_of_clusters_and_denoised_pictures_are_those_that_the_code_writes():
-    written = set(re.findall(r'"(\w+)":', inspect.getsource(Cluster.about))) | {"lost"}
-    assert {f"cluster.{key}" for key in written} | {"seconds.cluster"} == OF_CLUSTERS
+    written = {f"cluster.{one.name}" for one in fields(ClusterFigures)}
+    assert written | {"seconds.cluster"} == OF_CLUSTERS
     written = re.findall(r'^ {16}"(\w+)":', inspect.getsource(denoising), re.MULTILINE)
     assert {f"denoised.{key}" for key in written} == OF_DENOISED

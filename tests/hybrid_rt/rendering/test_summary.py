@@ -1,8 +1,10 @@
 import math
+from dataclasses import replace
 
 import pytest
 import trimesh
 
+from helpers.reports import changed
 from hybrid_rt import (
     Box,
     Camera,
@@ -23,7 +25,7 @@ from hybrid_rt import (
     TriangleMesh,
     render,
 )
-from hybrid_rt.rendering.report import depth_cuts_off
+from hybrid_rt.rendering.report import EndedBranches
 from hybrid_rt.rendering.report_warnings import warnings_in_words
 from hybrid_rt.rendering.summary import _cut_off, in_words
 from hybrid_rt.rendering.units import duration, per_cent
@@ -31,13 +33,21 @@ from hybrid_rt.rendering.units import duration, per_cent
 
 def test_weight_that_was_lost_is_the_depths_unless_branches_were_faint():
     """Integrators from elsewhere may say how much is lost, and not how many paths lost it."""
-    ended = {"lost_share": 0.02}
-    assert depth_cuts_off({"ended_branches": ended})
-    assert not depth_cuts_off({"ended_branches": {**ended, "below least contribution": 7}})
-    both = {"below least contribution": 7, "at max_depth": 1}
-    assert depth_cuts_off({"ended_branches": {**ended, **both}})
-    assert not depth_cuts_off({"ended_branches": {"lost_share": 0.0}})
-    (line,) = _cut_off({"ended_branches": ended, "settings": {"max_depth": 16}})
+    camera = Camera((0, 0, 2), (0, 0, 0), (0, 1, 0), 40, 2, 2)
+    report = render(Scene(camera, [], [], GradientSky(1, 1)), passes=1, threads=1).report
+
+    def ending(lost_share, **by_reason):
+        ended = EndedBranches(
+            by_reason=by_reason, lost_weight_per_camera_ray=0.0, lost_share=lost_share
+        )
+        return replace(report, ended_branches=ended)
+
+    faint, deep = {"below least contribution": 7}, {"at max_depth": 1}
+    assert ending(0.02).depth_cuts_off
+    assert not ending(0.02, **faint).depth_cuts_off
+    assert ending(0.02, **faint, **deep).depth_cuts_off
+    assert not ending(0.0).depth_cuts_off
+    (line,) = _cut_off(ending(0.02))
     assert line.startswith("  cut off   paths at max_depth 16, with 2 % of")
 
 
@@ -219,12 +229,12 @@ class TestFurther:
         """Noise of 3 % beside 4 % of blur is 5 %, halved; beside 2 % that stay, 1.5 % are left of 2.5."""
         noise = 0.03
         report = self.report(passes=2, target_error=0.025, target_error_trimmed=0.5)
-        report["passes"] = 8
         both = math.hypot(noise, blur)
-        report["relative_error"] |= {
+        error = {
             "noise": noise, "blur": blur, "blur_at_most": blur, "both": both, "both_trimmed": both,
             "blur_stays": stays, "error_power": power,
         }  # fmt: skip
+        report = changed(report, passes=8, relative_error=error)
         last = in_words(report).splitlines()[-1]
         assert last.startswith(f"  further   2.5 % takes about {8 * times:.0f} passes in all, ")
 
@@ -243,25 +253,27 @@ class TestFurther:
 
     def test_nothing_is_forecast_that_never_comes(self):
         report = self.report(passes=8, target_error=0.01)
-        report["relative_error"] |= {"blur": 0.02, "blur_at_most": 0.02, "blur_stays": True}
+        blur = {"blur": 0.02, "blur_at_most": 0.02, "blur_stays": True}
+        report = changed(report, relative_error=blur)
         assert "further" not in in_words(report)
-        report["relative_error"] |= {"both": None, "both_trimmed": None, "blur_at_most": None}
+        unknown = {"both": None, "both_trimmed": None, "blur_at_most": None}
+        report = changed(report, relative_error=unknown)
         assert "further" not in in_words(report)
 
     def test_the_figure_to_be_trusted_is_forecast(self):
-        report = self.report(passes=8)
-        report["noise"]["worst_pixels_share_of_squared_error"] = 0.6
+        of_few = {"worst_pixels_share_of_squared_error": 0.6}
+        report = changed(self.report(passes=8), noise=of_few)
         assert "without the worst" in in_words(report).splitlines()[-1]
 
     @pytest.mark.parametrize("settings", [{}, {"target_error_trimmed": 0.9}])
     def test_a_figure_that_will_rise_is_not_forecast(self, settings):
-        report = self.report(passes=8) | {"settings": self.report(passes=8)["settings"] | settings}
-        noise, error = report["noise"], report["relative_error"]
-        noise |= {
+        noise = {
             "worst_pixels_share_of_squared_error": 0.99, "relative_rmse_trimmed": 0.15,
             "relative_rmse_trimmed_ahead": 0.95,
         }  # fmt: skip
-        error |= {"both": 2.5, "both_trimmed": 0.15, "both_trimmed_ahead": 0.95}
+        error = {"both": 2.5, "both_trimmed": 0.15, "both_trimmed_ahead": 0.95}
+        rendered = self.report(passes=8)
+        report = changed(rendered, settings=settings, noise=noise, relative_error=error)
         words = in_words(report)
         assert words.splitlines()[-1].startswith("  further   100 % takes about 50 passes in all, ")
         assert "outnumber 0.1 %, and it will rise to 95 % or so" in words
@@ -272,36 +284,34 @@ class TestFurther:
         """A squared error that falls to 2^-0.5 with twice the passes takes 2^4 for a quarter, not 2^2."""
         report = self.report(passes=8, target_error_trimmed=0.05)
         noise = {"worst_pixels_share_of_squared_error": 0.95, "relative_rmse": 0.4}
+        error = {"both": 0.4}
         for key, value in (("", 0.1), ("_ahead", 0.1 * 2.0**-0.25)):
             noise[f"relative_rmse_trimmed{key}"] = value
-            report["relative_error"][f"both_trimmed{key}"] = value
-        report["noise"] |= noise
-        report["relative_error"]["both"] = 0.4
+            error[f"both_trimmed{key}"] = value
+        report = changed(report, noise=noise, relative_error=error)
         assert " takes about 128 passes in all, " in in_words(report).splitlines()[-1]
 
     def test_no_number_of_passes_is_told_where_it_would_be_beyond_all_numbers(self):
         """Of a quarter of the squared error: 2^2000 times the passes."""
         report = self.report(passes=8, target_error=0.05)
-        report["relative_error"] |= {"both": 0.1, "error_power": 0.001}
+        report = changed(report, relative_error={"both": 0.1, "error_power": 0.001})
         assert "further" not in in_words(report)
         report = self.report(passes=8, target_error_trimmed=0.05)
-        report["noise"] |= {
-            "worst_pixels_share_of_squared_error": 0.95,
-            "relative_rmse_trimmed": 0.1,
-        }
-        report["noise"]["relative_rmse_trimmed_ahead"] = 0.0999
-        report["relative_error"] |= {"both_trimmed": 0.1, "both_trimmed_ahead": 0.0999}
+        noise = {
+            "worst_pixels_share_of_squared_error": 0.95, "relative_rmse_trimmed": 0.1,
+            "relative_rmse_trimmed_ahead": 0.0999,
+        }  # fmt: skip
+        error = {"both_trimmed": 0.1, "both_trimmed_ahead": 0.0999}
+        report = changed(report, noise=noise, relative_error=error)
         assert "further" not in in_words(report)
 
     def test_what_is_done_once_is_not_forecast_for_every_pass(self):
         """0.5 s once, and 4 times 1.5 s for 4 times as many passes."""
         report = self.report(passes=8, target_error=0.001)
-        for key in ("both", "both_trimmed"):
-            report["relative_error"][key] = 0.002
-        report["seconds"] = {"build": 0.25, "set-up": 0.25, "paths": 1.0, "total": 2.0}
-        assert " about 32 passes in all, 6.5 s: " in in_words(report).splitlines()[-1]
-        report["seconds"] = {"cluster": 0.25, "channels": 0.25, "paths": 1.0, "total": 2.0}
-        assert " about 32 passes in all, 6.5 s: " in in_words(report).splitlines()[-1]
+        report = changed(report, relative_error={"both": 0.002, "both_trimmed": 0.002})
+        for once in ({"build": 0.25, "set-up": 0.25}, {"cluster": 0.25, "channels": 0.25}):
+            report = replace(report, seconds={**once, "paths": 1.0, "total": 2.0})
+            assert " about 32 passes in all, 6.5 s: " in in_words(report).splitlines()[-1]
 
     @pytest.mark.parametrize(
         ("seconds", "words"),
@@ -319,7 +329,7 @@ class TestFurther:
     def test_a_few_bright_pixels_are_not_trusted(self):
         report = self.report(passes=8)
         assert "rough" not in in_words(report)
-        report["noise"]["worst_pixels_share_of_squared_error"] = 0.6
+        report = changed(report, noise={"worst_pixels_share_of_squared_error": 0.6})
         assert "the first figure that it is rough; trust the second, but not" in in_words(report)
 
 

@@ -167,13 +167,13 @@ def test_film_is_the_mean_and_its_noise_the_standard_error():
         sheet.add(radiance)
     np.testing.assert_allclose(sheet.image, passes.mean(axis=0), rtol=1e-6)
     noise = sheet.noise()
-    assert noise["errs_on_the_safe_side"]
+    assert noise.errs_on_the_safe_side
     per_pixel = passes.var(axis=0, ddof=1) / 6
-    assert noise["root_mean_square_standard_error_of_pixels"] == pytest.approx(
+    assert noise.root_mean_square_standard_error_of_pixels == pytest.approx(
         np.sqrt(per_pixel.mean())
     )
     means = passes.mean(axis=(1, 2, 3))
-    assert noise["standard_error_of_image_mean"] == pytest.approx(means.std(ddof=1) / np.sqrt(6))
+    assert noise.standard_error_of_image_mean == pytest.approx(means.std(ddof=1) / np.sqrt(6))
 
 
 def test_errors_come_from_the_differences_between_groups():
@@ -186,10 +186,10 @@ def test_errors_come_from_the_differences_between_groups():
     expected = level.std(axis=0, ddof=1) / 2
     np.testing.assert_allclose(sheet.standard_error, expected)
     noise = sheet.noise()
-    assert not noise["errs_on_the_safe_side"]
-    assert noise["interval_factor"] == 3.182
+    assert not noise.errs_on_the_safe_side
+    assert noise.interval_factor == 3.182
     means = level.mean(axis=(1, 2, 3))
-    assert noise["standard_error_of_image_mean"] == pytest.approx(means.std(ddof=1) / 2)
+    assert noise.standard_error_of_image_mean == pytest.approx(means.std(ddof=1) / 2)
 
 
 @pytest.mark.statistical
@@ -309,10 +309,10 @@ def test_early_errors_of_fireflies_claim_no_safety():
             radiance[0, :n_bright] += 100.0 * (n == 0)
             sheet.add(radiance)
         noise = sheet.noise()
-        assert noise["errs_on_the_safe_side"] == (n_bright == 0)
-        assert noise["worst_pixels"] == 2
-    assert noise["worst_pixels_share_of_squared_error"] > 0.9
-    assert noise["relative_rmse_trimmed"] == pytest.approx(0.1 / np.sqrt(7 * 1.01), rel=1e-3)
+        assert noise.errs_on_the_safe_side == (n_bright == 0)
+        assert noise.worst_pixels == 2
+    assert noise.worst_pixels_share_of_squared_error > 0.9
+    assert noise.relative_rmse_trimmed == pytest.approx(0.1 / np.sqrt(7 * 1.01), rel=1e-3)
 
 
 def test_worst_pixels_of_few_are_none():
@@ -330,7 +330,7 @@ def test_black_pixels_are_counted_before_runs_are_whole(n_passes):
         radiance = np.ones((4, 5, 3))
         radiance[1] = 0.0
         sheet.add(radiance)
-    assert sheet.noise()["pixels_without_light"] == 5
+    assert sheet.noise().pixels_without_light == 5
 
 
 def test_dark_pixels_are_those_with_some_light():
@@ -340,7 +340,7 @@ def test_dark_pixels_are_those_with_some_light():
         radiance[1:3], radiance[0] = 0.09, 0.0
         sheet.add(radiance)
     noise = sheet.noise()
-    assert (noise["pixels_dark"], noise["pixels_without_light"]) == (10, 5)
+    assert (noise.pixels_dark, noise.pixels_without_light) == (10, 5)
 
 
 def test_what_is_not_finite_or_black_is_counted():
@@ -351,7 +351,7 @@ def test_what_is_not_finite_or_black_is_counted():
         radiance[1] = 0.0
         sheet.add(radiance)
     assert np.isnan(sheet.relative_errors().trimmed)
-    assert sheet.noise()["pixels_without_light"] == 50
+    assert sheet.noise().pixels_without_light == 50
 
 
 def test_peaks_are_cut_to_their_neighbours():
@@ -381,9 +381,7 @@ def test_intervals_use_students_t():
         sheet.add(np.full((1, 1, 3), float(n)))
         if n > 1:
             freedom = n - 1 if n < 16 else 3
-            assert sheet.noise()["interval_factor"] == pytest.approx(
-                t.ppf(0.975, freedom), abs=6e-4
-            )
+            assert sheet.noise().interval_factor == pytest.approx(t.ppf(0.975, freedom), abs=6e-4)
 
 
 @pytest.mark.statistical
@@ -412,5 +410,5 @@ def test_extreme_brightness_neither_overflows_nor_vanishes(scale):
     sheet = Film(1, 1)
     for value in (1.0, 2.0):
         sheet.add(np.full((1, 1, 3), value * scale))
-    assert sheet.noise()["root_mean_square_standard_error_of_pixels"] == pytest.approx(scale / 2)
+    assert sheet.noise().root_mean_square_standard_error_of_pixels == pytest.approx(scale / 2)
     assert sheet.image[0, 0, 0] == pytest.approx(1.5 * scale)

@@ -174,7 +174,7 @@ def test_bright_paths_are_told_by_their_size():
     """Of n samples of each of P pixels some are 8 and the others 0: one of them is 8 / (n P)."""
     rng = np.random.default_rng(16)
     sheet = _sheet(64, 60, lambda: np.repeat(8.0 * (rng.random((60, 60, 1)) < 1e-3), 3, axis=2))
-    found = sheet.noise()["bright_path_in_image_mean"]
+    found = sheet.noise().bright_path_in_image_mean
     # 230 events; the second moment, which both sums share, is known to a fifteenth.
     assert found == pytest.approx(8.0 / (64 * 3600), rel=0.1)
 
@@ -183,11 +183,11 @@ def test_even_noise_has_no_bright_paths():
     """The third moments of 3600 pixels cancel to a sixtieth, which adds a part in a thousand."""
     rng = np.random.default_rng(17)
     noise = _sheet(16, 60, lambda: rng.normal(1.0, 0.3, size=(60, 60, 3))).noise()
-    even = noise["interval_factor"] * noise["standard_error_of_image_mean"]
+    even = noise.interval_factor * noise.standard_error_of_image_mean
     half = half_interval_of_mean(
-        noise["standard_error_of_image_mean"],
-        noise["interval_factor"],
-        noise["bright_path_in_image_mean"],
+        noise.standard_error_of_image_mean,
+        noise.interval_factor,
+        noise.bright_path_in_image_mean,
     )
     assert even <= half < 1.01 * even
 
@@ -215,10 +215,10 @@ def test_intervals_of_means_hold_where_few_bright_paths_make_them():
             8,
             lambda: np.repeat(rng.random((8, 8, 1)) + 50.0 * (rng.random((8, 8, 1)) < rate), 3, 2),
         ).noise()
-        error = abs(noise["image_mean"] - 0.5 - 50.0 * rate)
-        t, s = noise["interval_factor"], noise["standard_error_of_image_mean"]
+        error = abs(noise.image_mean - 0.5 - 50.0 * rate)
+        t, s = noise.interval_factor, noise.standard_error_of_image_mean
         by_t.append(error <= t * s)
-        found.append(error <= half_interval_of_mean(s, t, noise["bright_path_in_image_mean"]))
+        found.append(error <= half_interval_of_mean(s, t, noise.bright_path_in_image_mean))
     assert np.mean(by_t) < 0.95
     assert np.mean(found) > 0.95
 

@@ -195,10 +195,10 @@ def _faults_of_scene(case: Case) -> list[str]:
         return _refused(error, CLASSES)
     faults = []
     if not np.isfinite(result.image).all():
-        faults.append(f"{result.report['pixels_not_finite']} pixels are no numbers")
+        faults.append(f"{result.report.pixels_not_finite} pixels are no numbers")
     elif float(result.image.min()) < 0.0:
         faults.append("a pixel is below 0")
-    work = result.report["intersection"]
+    work = result.report.intersection
     if work["given_up"] and not work["tangent"]:
         faults.append("searches given up, no row marked")
     json.dumps(result.report)

@@ -118,7 +118,7 @@ def off_by_passes(
     For what pixels share: photons, and paths from the lamps.
     """
     noise = result.report["noise"]
-    degrees = result.report["passes"] - 1 if noise["errs_on_the_safe_side"] else 3
+    degrees = result.report.passes - 1 if noise["errs_on_the_safe_side"] else 3
     spread = stats.t.isf(ALARM / 2.0, degrees) * noise["standard_error_of_image_mean"]
     gap = np.array([noise["image_mean"] - truth])
     return _worst(gap, np.array([spread]), np.array([truth]), bias, level)
@@ -138,7 +138,7 @@ def judged(name: str, result: RenderResult, off: tuple[float, float]) -> Outcome
     """Return what came of one comparison; pictures must be finite besides."""
     error, allowed = off
     units = error / allowed if allowed > 0.0 else (0.0 if error == 0.0 else math.inf)
-    outcome = Outcome(rays=result.report["rays"]["camera"], error=units) + finite(name, result)
+    outcome = Outcome(rays=result.report.rays["camera"], error=units) + finite(name, result)
     fault = f"{name}: off by {error:.3g} where {allowed:.3g} is allowed"
     return outcome.checked(units <= 1.0, fault)
 
@@ -171,7 +171,7 @@ def balanced(name: str, result: RenderResult, emitted: float, relative: float) -
     """Check that lights send out what they should, and that all of it is accounted for."""
     power = {k: np.array(v) for k, v in result.report["photons"]["power_of_all_passes"].items()}
     parts = power["escaped"] + power["absorbed"] + power["lost"]
-    n_passes = result.report["passes"]
+    n_passes = result.report.passes
     return same(f"{name}, accounts", parts, power["emitted"], 1e-9) + same(
         f"{name}, emitted", power["emitted"] / n_passes, np.full(3, emitted), relative
     )

@@ -106,7 +106,7 @@ def point_light_by_way_of_a_mirror(effort: Effort) -> Outcome:
             finds = integrator in PHOTON_INTEGRATORS
             truth = direct + (mirrored if finds else 0.0)
             outcome += judged(name, result, off_by_passes(result, truth, 0.02 if finds else 1e-5))
-            left_out = result.report["light_not_found"]
+            left_out = result.report.light_not_found
             named = any("without area that mirrors or glass throw" in text for text in left_out)
             fault = f"{name}: {'named as left out, though found' if finds else 'not named'}"
             outcome = outcome.checked(named is not finds, fault)
@@ -145,9 +145,9 @@ def bounded_work(effort: Effort) -> Outcome:
             )
             name = f"{integrator}, {title}"
             most, longest = max(most, mib), max(longest, seconds)
-            outcome += finite(name, result) + Outcome(rays=sum(result.report["rays"].values()))
+            outcome += finite(name, result) + Outcome(rays=sum(result.report.rays.values()))
             outcome = outcome.checked(mib < LITTLE_MEMORY, f"{name}: {mib:.0f} MiB")
-            given_up = result.report["geometry"]["given_up"]
+            given_up = result.report.geometry.given_up
             outcome = outcome.checked(not given_up, f"{name}: {given_up} rays given up")
             power = (result.report.get("photons") or {}).get("power_of_all_passes")
             if power and any(power["emitted"]):

@@ -85,7 +85,7 @@ def _head_on(effort: Effort, scene: Scene, integrator: str, truth: float, name: 
         options=PLAIN_PATHS if is_path else None,
     )  # fmt: skip
     # Faint branches are not followed, and what they carry is said: light of radiance one, here.
-    lost = result.report["ended_branches"]["lost_weight_per_camera_ray"]
+    lost = result.report.ended_branches.lost_weight_per_camera_ray
     return judged(f"{integrator}, {name}", result, off_by_pixels(result, truth, level=lost))
 
 
@@ -131,7 +131,7 @@ def extreme_indices(effort: Effort) -> Outcome:
             )  # fmt: skip
             name = f"{integrator}, index {ior:g}"
             outcome += finite(name, result)
-            lost = result.report["ended_branches"]["lost_weight_per_camera_ray"]
+            lost = result.report.ended_branches.lost_weight_per_camera_ray
             # Within an index of a million radiance is its square: what is lost there counts so.
             missing = 1.0 - float(result.image.mean())
             # Roulette strengthens paths that go on: then noise goes both ways.
@@ -320,11 +320,11 @@ def light_through_plates(effort: Effort) -> Outcome:
                     options=PLAIN_PATHS if integrator == "path" else None,
                 )  # fmt: skip
                 # Faint branches of Whitted's method are not followed, and it says what they carry.
-                lost = result.report["ended_branches"]["lost_weight_per_camera_ray"]
+                lost = result.report.ended_branches.lost_weight_per_camera_ray
                 off = off_by_pixels(result, truth, level=lost)
                 if integrator == "path":
                     # Each path brings all or nothing, and one of the two may be rare.
-                    n = result.report["rays"]["camera"]
+                    n = result.report.rays["camera"]
                     chance = stats.binom(n, truth)
                     low, high = chance.ppf(ALARM / 2) / n, chance.isf(ALARM / 2) / n
                     off = off[0], float(max(high - truth, truth - low)) + FLOAT32
@@ -363,7 +363,7 @@ def _furnace(
             fault = (
                 f"{what}: furnace shows {mean:.6g}, {above:.3g} off where {allowed:.3g} is chance"
             )
-            outcome += Outcome(rays=result.report["rays"]["camera"], error=units).checked(
+            outcome += Outcome(rays=result.report.rays["camera"], error=units).checked(
                 units <= 1.0, fault
             )
             outcome = outcome.checked(mean > 0.0, f"{what}: black")

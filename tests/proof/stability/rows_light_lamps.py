@@ -129,7 +129,7 @@ def lamps_in_contact(effort: Effort) -> Outcome:
                 effort, scene, integrator, effort.count(8), max_depth=60, n_photons=200
             )
             # The lamp is black: what the pane sends back to it is lost.
-            lost = result.report["ended_branches"]["lost_weight_per_camera_ray"]
+            lost = result.report.ended_branches.lost_weight_per_camera_ray
             off = off_by_pixels(result, 0.96 / 1.04, 1e-5, lost)
             outcome += judged(f"{integrator}, lamp {gap:g} below glass", result, off)
     return outcome + Outcome(curves=tuple(curves))

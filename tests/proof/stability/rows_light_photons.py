@@ -106,7 +106,7 @@ def points_without_photons(effort: Effort) -> Outcome:
     outcome += finite("ppm, least discs", result)
     outcome += same("ppm, least discs", result.image, np.zeros(result.image.shape))
     n_points = result.report["photons"]["gather_points"]
-    missed = result.report["points_missed_by_photons"]
+    missed = result.report.points_missed_by_photons
     outcome = outcome.checked(missed == n_points > 0, f"{missed} of {n_points} points are said")
     # A closed box in the way: photons are stored on it, none below.
     cover = Object(Box((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1)).flipped(), Lambertian(0.5), "cover")

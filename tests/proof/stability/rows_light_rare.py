@@ -166,7 +166,7 @@ def rare_light(effort: Effort) -> Outcome:
             result = render(scene, passes=PASSES, seed=effort.seed + seed, threads=1, max_depth=100)
             half = result.mean_half_interval
             holds = half is not None and abs(result.mean - mean) <= half
-            missed += not (holds or result.report["warnings"])
+            missed += not (holds or result.report.warnings)
         fault = f"{name}: {missed} of {n} pictures neither hold the mean nor warn"
         outcome += Outcome(rays=n).checked(missed <= MISSES, fault)
     return outcome

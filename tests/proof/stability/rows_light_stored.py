@@ -48,7 +48,7 @@ def stopped_and_continued(effort: Effort) -> Outcome:
                 )
         wrong = int((part.image != whole.image).sum())
         total += Outcome(rays=whole.image.size * last, wrong=wrong).checked(
-            part.report["relative_error"] == whole.report["relative_error"],
+            part.report.relative_error == whole.report.relative_error,
             f"{integrator}: other errors are stated than in one go",
         )
     return total

@@ -72,10 +72,10 @@ def closed_white_room(effort: Effort) -> Outcome:
     for integrator in INTEGRATORS:
         result = picture(effort, shining_room(1.0), integrator, 2, n_photons=2000)
         outcome += finite(f"{integrator}, albedo 1", result)
-        ended = result.report["ended_branches"]["lost_weight_per_camera_ray"]
+        ended = result.report.ended_branches.lost_weight_per_camera_ray
         photons = result.report.get("photons")
         lost = sum(photons["power_of_all_passes"]["lost"]) if photons else ended
-        said = lost > 0.0 or bool(result.report["light_not_found"])
+        said = lost > 0.0 or bool(result.report.light_not_found)
         outcome = outcome.checked(said, f"{integrator}, albedo 1: ends without a word")
     return outcome
 
@@ -120,7 +120,7 @@ def _between_mirrors(
         off = off_by_pixels(result, truth)
         return judged(name, result, off), off[0]
     # What is lost is the weight of the first term that is not there.
-    lost = result.report["ended_branches"]["lost_weight_per_camera_ray"]
+    lost = result.report.ended_branches.lost_weight_per_camera_ray
     found = float(result.image.mean(dtype=float))
     rest = lost * truth
     outcome = finite(name, result) + same(name, [found + rest], [truth], 1e-5)
@@ -142,7 +142,7 @@ def parallel_mirrors(effort: Effort) -> Outcome:
             )  # fmt: skip
             name = f"{integrator}, dark mirrors of {color:g}"
             ended = result.report["ended_branches"]
-            n_rays = result.report["rays"]["camera"]
+            n_rays = result.report.rays["camera"]
             outcome += same(name, result.image, np.zeros(result.image.shape))
             # As many factors as directions asked for: the last is not taken any more.
             lost, expected = ended["lost_weight_per_camera_ray"], color ** (max_depth + 1)
@@ -236,7 +236,7 @@ def lamp_in_glass(effort: Effort) -> Outcome:
             name = f"{integrator}, shell of index {ior:g}"
             if integrator == "whitted":
                 black = not result.image.any()
-                named = any("glass throw" in text for text in result.report["light_not_found"])
+                named = any("glass throw" in text for text in result.report.light_not_found)
                 outcome = outcome.checked(black and named, f"{name}: not named as left out")
                 continue
             # Light varies slowly over discs: their blur is small.
@@ -317,7 +317,7 @@ def albedo_near_one(effort: Effort) -> Outcome:
                   unit="of the radiance")
         )  # fmt: skip
     result = picture(effort, shining_room(0.5), "whitted")
-    found = "light that goes from surface to surface" in " ".join(result.report["light_not_found"])
+    found = "light that goes from surface to surface" in " ".join(result.report.light_not_found)
     outcome += finite("whitted", result).checked(found, "whitted: does not say what it leaves out")
     return outcome + Outcome(curves=tuple(curves))
 

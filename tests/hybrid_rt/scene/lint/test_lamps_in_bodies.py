@@ -40,7 +40,7 @@ OUTSIDE = PointLight((0, 0, 6), 9)
 
 def named(objects, lamps, eye=(0, -7, 3), **lens):
     camera = Camera(eye, (0, 0, 3.5), (0, 0, 1), width=8, height=6, **lens)
-    return lamps_in_bodies(compile_scene(Scene(camera, objects, lamps)))
+    return [vars(note) for note in lamps_in_bodies(compile_scene(Scene(camera, objects, lamps)))]
 
 
 @pytest.mark.parametrize("body", [BALL, BALL.flipped(), BRICK, BRICK.flipped(), TURNED])
