@@ -5,8 +5,8 @@ and ordinary hard rays, and rows that differ from today's go before the exact ju
 Printed per mutant: that ray, and what is wrong with its row. Mutants that nobody notices are listed
 at the end; with those the exit code is 1.
 
-Each mutant compiles the kernels that it concerns: a minute or two. Needs python-flint and grimp: pip
-install 'hybrid-rt[dev]'.
+Each mutant compiles the kernels that it concerns: a minute or two. Needs python-flint: pip install
+'hybrid-rt[dev]'.
 """
 
 import argparse

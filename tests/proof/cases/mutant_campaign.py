@@ -17,7 +17,6 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import grimp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -174,6 +173,9 @@ def run_mutants(
 class _Copy:
     """A copy of the packages, in which one mutant at a time is applied.
 
+    Compiled kernels are copied with them, and are stamped by the content of the files that they are
+    compiled from: those that a mutant concerns are compiled anew.
+
     Parameters
     ----------
     root : Path
@@ -182,33 +184,28 @@ class _Copy:
     """
 
     def __init__(self, root: Path, folder: Path) -> None:
-        self.root, self.folder = root, folder
-        self.graph = grimp.build_graph(*PACKAGES)
+        self.root, self.original, self.copy = root, folder / "original", folder / "copy"
+        for package in PACKAGES:
+            shutil.copytree(root / package, self.original / package)
 
     def trace(
         self, mutant: Mutant | None, kinds: Sequence[str], n: int, seed: int
     ) -> tuple[dict[str, NDArray[Any]] | None, str]:
         """Trace rays by the copy; return what it wrote, or its last words."""
-        copy, out = self.folder / "copy", self.folder / "traced.npz"
-        kernels = self.folder / "kernels" / "-".join(kinds)
-        shutil.rmtree(copy, ignore_errors=True)
-        for package in PACKAGES:
-            shutil.copytree(
-                self.root / package, copy / package, ignore=shutil.ignore_patterns("__pycache__")
-            )
+        copy = self.original
         if mutant is not None:
-            file, text = applied(copy, mutant)
-            file.write_text(text, "utf-8")
-            shutil.copytree(kernels, copy / "kernels")
-            self._forget(copy / "kernels", ".".join(file.relative_to(copy).with_suffix("").parts))
-            kernels = copy / "kernels"
-        out.unlink(missing_ok=True)
+            copy = self.copy
+            shutil.rmtree(copy, ignore_errors=True)
+            shutil.copytree(self.original, copy)
+            changed, text = applied(copy, mutant)
+            changed.write_text(text, "utf-8")
+        out = copy / "traced.npz"
         code = (
             "import sys; from proof.cases.mutant_campaign import trace_all; "
             f"trace_all({tuple(kinds)!r}, {n}, {seed}, {str(out)!r})"
         )
         path = os.pathsep.join([str(copy), str(self.root / "tests")])
-        settings = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(kernels)}
+        settings = {**os.environ, "PYTHONPATH": path}
         try:
             done = subprocess.run(
                 [sys.executable, "-c", code], cwd=copy, env=settings, check=False,
@@ -222,18 +219,6 @@ class _Copy:
             return None, f"{BROKEN}: {lines[-1]}" if is_broken else lines[-1]
         with np.load(out) as file:
             return {key: file[key] for key in file.files}, ""
-
-    def _forget(self, kernels: Path, module: str) -> None:
-        """Delete kernels of a module and of those that import it.
-
-        numba itself does not see that a function which a kernel calls has changed. It names a
-        kernel's file "folder_hash/module.function-line.version".
-        """
-        stale = {tuple(name.split(".")[-2:]) for name in self.graph.find_downstream_modules(module)}
-        stale.add(tuple(module.split(".")[-2:]))
-        for file in kernels.rglob("*.nb[ic]"):
-            if (file.parent.name.rpartition("_")[0], file.name.split(".")[0]) in stale:
-                file.unlink()
 
 
 BROKEN = "does not compile"
