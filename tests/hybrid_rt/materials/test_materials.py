@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror, Mix, Phong
+from hybrid_rt.materials.rough_dielectric import RoughDielectric
 from hybrid_rt.materials.table import compile_materials
 from hybrid_rt.shading.kernels.lobes.register import DIELECTRIC, DIFFUSE, METAL, MIRROR, PHONG
 from hybrid_rt.textures import CheckerTexture, ImageTexture
@@ -25,6 +26,8 @@ def test_lobes_of_all_materials_lie_in_one_table():
     ("make", "words"),
     [
         (lambda: Lambertian(1.1), "Lambertian color"),
+        (lambda: Lambertian(np.nextafter(1.0, 2.0)), "Lambertian color"),
+        (lambda: Lambertian(np.inf), "Lambertian color"),
         (lambda: Lambertian((0.1, -0.1, 0)), "Lambertian color"),
         (lambda: Lambertian((0.1, np.nan, 0)), "Lambertian color"),
         (lambda: Lambertian((0.1, 0.2)), "Lambertian color"),
@@ -33,7 +36,14 @@ def test_lobes_of_all_materials_lie_in_one_table():
         (lambda: Phong(0.6, 0.6, 10), "diffuse \\+ specular"),
         (lambda: Phong(0.1, 0.6, 0), "exponent"),
         (lambda: Mirror(2), "Mirror color"),
+        (lambda: Phong(-0.1, 0.6, 10), "Phong diffuse"),
+        (lambda: Phong(0.1, 1.5, 10), "Phong specular"),
         (lambda: Dielectric(0), "ior"),
+        (lambda: Dielectric(np.inf), "ior"),
+        (lambda: Dielectric(1e-7), "ior"),
+        (lambda: Dielectric(1e7), "ior"),
+        (lambda: RoughDielectric(0, 0.5), "RoughDielectric ior"),
+        (lambda: RoughDielectric(np.nan, 0.5), "RoughDielectric ior"),
         (lambda: Dielectric(-1.5), "ior"),
         (lambda: Dielectric(float("nan")), "ior"),
         (lambda: Dielectric(1.5, -1), "absorption"),

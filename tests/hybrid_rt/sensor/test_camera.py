@@ -1,3 +1,4 @@
+import math
 import re
 
 import numpy as np
@@ -20,6 +21,19 @@ def test_middle_corners_and_pixel_size_are_those_of_a_right_angle_of_view():
     corners = np.array([view, view - 2 * right + up, view + 2 * right - up])
     corners /= np.linalg.norm(corners, axis=1)[:, None]
     np.testing.assert_allclose(directions, corners, atol=1e-15)
+
+
+@pytest.mark.parametrize("fov", [1e-300, 1e-9, 179.999999, math.nextafter(180.0, 0.0)])
+def test_directions_are_unit_vectors_in_all_fields_of_view(fov):
+    places = np.random.default_rng(3).uniform(0, 4, (50, 2)).T
+    _, directions = camera(vertical_fov=fov).rays(2 * places[0], places[1])
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=1e-15)
+
+
+def test_up_may_lie_almost_along_the_view():
+    """Within 1e-7 of it there are still three directions at right angles."""
+    _, directions = camera(up=(3, -4, 5e-7)).rays(np.array([4.0]), np.array([2.0]))
+    np.testing.assert_allclose(directions, [[0.6, -0.8, 0.0]], atol=1e-15)
 
 
 def test_resized_keeps_all_but_the_resolution():
@@ -65,8 +79,11 @@ def test_focus_is_at_look_at_unless_said():
     [
         ({"vertical_fov": 0}, "vertical_fov"),
         ({"vertical_fov": 180}, "vertical_fov"),
+        ({"vertical_fov": -1}, "vertical_fov"),
         ({"vertical_fov": float("nan")}, "vertical_fov"),
         ({"up": (3, -4, 0)}, "up is .*, parallel"),
+        ({"up": (-3e300, 4e300, 1e280)}, "up"),
+        ({"up": (3, -4, 1e-9)}, "up"),
         ({"up": (0, 0, 0)}, "up"),
         ({"look_at": (1, 2, 3)}, "look_at"),
         ({"look_from": (np.nan, 0, 0)}, "look_from"),

@@ -13,13 +13,13 @@ from hybrid_rt.shading.kernels.fresnel import (
 
 pytestmark = pytest.mark.interpreted
 
-COSINES = [1.0, 0.9, 0.5, 0.1, 1e-3, 1e-6, 1e-9, 1e-12]
+COSINES = [1.0, 0.9, 0.5, 0.1, 1e-3, 1e-6, 1e-9, 1e-12, 1e-50]
 INDICES = [1e-3, 1 / 2.4, 1 / 1.5, 1 - 1e-12, 1.0, 1 + 1e-12, 1.33, 1.5, 2.4, 1000.0]
 
 
 def exact_reflectance(cos_i, eta):
-    """Fresnel's equations in 60 digits; 1 at total internal reflection."""
-    with mpmath.workdps(60):
+    """Fresnel's equations in 120 digits, which hold 1 - cos^2 of 1e-50; 1 at total internal reflection."""
+    with mpmath.workdps(120):
         c, n = mpmath.mpf(cos_i), mpmath.mpf(eta)
         square = 1 - (1 - c * c) / (n * n)
         if square <= 0:
@@ -43,7 +43,7 @@ def test_reflectance_is_that_of_fresnels_equations(eta):
 
 
 @pytest.mark.parametrize("eta", [1 / 2.4, 1 / 1.5, 0.2])
-@pytest.mark.parametrize("offset", [1e-2, 1e-5, 1e-9, 1e-12])
+@pytest.mark.parametrize("offset", [1e-2, 1e-5, 1e-9, 1e-12, 1e-14])
 def test_reflectance_around_the_critical_angle(eta, offset):
     critical = at_critical_angle(eta)
     assert fresnel(critical - offset, eta)[0] == 1.0
@@ -55,6 +55,7 @@ def test_reflectance_around_the_critical_angle(eta, offset):
 
 def test_grazing_light_is_all_reflected():
     assert fresnel(0.0, 1.5) == (1.0, 0.0)
+    assert fresnel(1e-300, 1.5)[0] == fresnel(1e-300, 1e-3)[0] == 1.0
     assert fresnel(1e-15, 1.5)[0] == pytest.approx(1.0, abs=1e-13)
 
 

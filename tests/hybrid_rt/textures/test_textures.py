@@ -1,3 +1,5 @@
+import math
+
 import imageio.v3 as imageio
 import numpy as np
 import pytest
@@ -136,8 +138,11 @@ def test_pictures_of_one_bit_are_black_and_white(tmp_path):
 
 def test_uv_checker_counts_squares():
     texture = CheckerTexture(0.9, (0.1, 0.2, 0.3), (4, 2), "uv")
-    for u, v in ((0.1, 0.1), (0.3, 0.6), (0.9, 0.7)):
-        even = (int(u * 4) + int(v * 2)) % 2 == 0
+    for u, v in (
+        (0.1, 0.1), (0.3, 0.6), (0.9, 0.7), (1.0, 0.0), (0.25, 0.5), (1.0, 1.0), (-0.25, 0.1),
+        (-1e-300, 0.1), (1e9 + 0.25, -1e9), (1e300, 1e300),
+    ):  # fmt: skip
+        even = (math.floor(u * 4) + math.floor(v * 2)) % 2 == 0
         assert look_up(texture, u, v)[0] == (0.9 if even else 0.1)
 
 
@@ -199,6 +204,7 @@ def test_half_precision_is_taken_as_it_is():
     [
         (lambda: ImageTexture("missing.png"), FileNotFoundError, r"missing\.png"),
         (lambda: ImageTexture(np.full((2, 2, 3), np.nan)), ValueError, "non-finite"),
+        (lambda: ImageTexture(np.full((2, 2, 3), np.inf)), ValueError, "non-finite"),
         (lambda: ImageTexture(-np.ones((2, 2, 3))), ValueError, "negative"),
         (lambda: ImageTexture(np.ones((2, 2, 5))), ValueError, "shape"),
         (lambda: ImageTexture(np.ones((0, 2, 3))), ValueError, "shape"),

@@ -7,7 +7,6 @@ in 1e5 renders, by Student's t, so above 1 a row fails.
 from __future__ import annotations
 
 import math
-import resource
 import time
 import tracemalloc
 from collections.abc import Callable
@@ -187,15 +186,6 @@ def measured(run: Callable[[], RenderResult]) -> tuple[RenderResult, float, floa
     finally:
         tracemalloc.stop()
     return result, most / 2**20, time.perf_counter() - began
-
-
-def resident_mib() -> float:
-    """Return the most memory that this process has held, MiB."""
-    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    # Bytes on macOS, kibibytes elsewhere.
-    import sys
-
-    return most / (2**20 if sys.platform == "darwin" else 2**10)
 
 
 def shown(values: list[float]) -> list[float]:

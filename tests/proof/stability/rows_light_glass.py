@@ -1,11 +1,10 @@
-"""Rows D09 to D15, L01, L09, L10: clear bodies, Fresnel's equations, rough surfaces."""
+"""Rows D09, D10, D14, D15, L01, L09, L10: clear bodies and rough surfaces."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 from scipy import stats
 
@@ -17,7 +16,6 @@ from hybrid_rt.materials.rough_dielectric import RoughDielectric
 from hybrid_rt.primitives import Sphere
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
-from hybrid_rt.shading.kernels.fresnel import fresnel
 from proof.stability.light_run import (
     ALARM,
     FLOAT32,
@@ -35,7 +33,6 @@ from proof.stability.light_run import (
 )
 from proof.stability.row import Curve, Effort, Outcome, refusal, row
 
-ROUNDING = 2.0**-52
 SKY = GradientSky((0.1, 0.2, 0.3), (0.9, 0.5, 0.1))
 # Directions that a path may take in a plate: as good as no end.
 NO_END = 400
@@ -61,20 +58,6 @@ def through_layers(indices: Sequence[float], depths: Sequence[float]) -> float:
             a = math.exp(-depths[k])
             through, back_rear = through * a, back_rear * a * a
     return back_front + through
-
-
-def exact_reflectance(cosine: float, eta: float) -> float:
-    """Return Fresnel's reflectance in 60 digits; 1 at total internal reflection."""
-    import mpmath
-
-    with mpmath.workdps(60):
-        c, n = mpmath.mpf(cosine), mpmath.mpf(eta)
-        square = 1 - (1 - c * c) / (n * n)
-        if square <= 0:
-            return 1.0
-        t = mpmath.sqrt(square)
-        across, along = (c - n * t) / (c + n * t), (n * c - t) / (n * c + t)
-        return float((across**2 + along**2) / 2)
 
 
 def _head_on(effort: Effort, scene: Scene, integrator: str, truth: float, name: str) -> Outcome:
@@ -144,95 +127,6 @@ def extreme_indices(effort: Effort) -> Outcome:
                 integrator != "whitted" or float(result.image.max()) <= 1 + 1e-5, fault
             )
     return outcome
-
-
-@row("D11", "indices of 0, below 0, not a number", "refusals")
-def impossible_indices(effort: Effort) -> Outcome:
-    """Refused by name where the material is made."""
-    del effort
-    outcome = Outcome()
-    indices: tuple[Any, ...] = (0.0, -1.5, math.nan, math.inf, 1e-7, 1e7, "glass", None)
-    for bad in indices:
-        outcome += refusal(partial(Dielectric, bad), "Dielectric ior")
-        outcome += refusal(partial(RoughDielectric, bad, 0.5), "RoughDielectric ior")
-    for bad in (0.0, -1.0, math.nan, math.inf, 1e4):
-        outcome += refusal(partial(RoughConductor, bad, 1.0, 0.5), "RoughConductor eta")
-        outcome += refusal(partial(RoughConductor, 1.0, bad, 0.5), "RoughConductor k")
-    return outcome
-
-
-@row("D12", "the critical angle", "Fresnel's equations in 60 digits; even light")
-def critical_angle(effort: Effort) -> Outcome:
-    """Reflectance is 1 beyond the angle, continuous before it, and pictures stay numbers."""
-    outcome, curves = Outcome(), []
-    offsets = [10.0**-k for k in range(1, 16)]
-    for eta in (1 / 2.4, 1 / 1.5, 0.2, 1e-3):
-        critical = math.sqrt(1.0 - eta * eta)
-        errors, allowed = [], []
-        for offset in offsets:
-            if critical - offset > 0.0:
-                beyond = fresnel(critical - offset, eta)[0]
-                outcome += same(f"{offset:g} beyond the angle of {eta:.3g}", [beyond], [1.0])
-            inside = min(critical + offset, 1.0)
-            # R = 1 - 2 t / eta with t = sqrt(2 offset) / eta there, and t^2 is off by roundings of
-            # 1 / eta^2.
-            spread = min(4.0 * ROUNDING / (eta * eta * math.sqrt(offset)), 1.0) + 1e-14
-            error = abs(fresnel(inside, eta)[0] - exact_reflectance(inside, eta))
-            errors.append(error)
-            allowed.append(spread)
-            outcome += Outcome(rays=1, error=error / spread)
-        curves.append(
-            Curve("cosine beyond the critical one", f"eta {eta:.3g}", offsets, shown(errors),
-                  allowed, unit="reflectance")
-        )  # fmt: skip
-    plate = slab(-1, 1, Dielectric(1.5))
-    for integrator in INTEGRATORS:
-        for turn in (-1e-9, 0.0, 1e-15, 1e-9):
-            angle = math.asin(1 / 1.5) + turn
-            camera = Camera((0, 0, 0), (math.sin(angle), 0, math.cos(angle)), (0, 1, 0), 1e-9, 2, 2)
-            result = picture(effort, Scene(camera, [plate], environment=WHITE_SKY), integrator)
-            name = f"{integrator}, {turn:+g} from the critical angle"
-            bright = float(result.image.max()) <= 1.5**2 * (1 + 1e-6)
-            outcome += finite(name, result).checked(bright, f"{name}: brighter than n^2")
-    return outcome + Outcome(curves=tuple(curves))
-
-
-@row("D13", "grazing incidence", "Fresnel's equations in 60 digits; the mirrored sky")
-def grazing_incidence(effort: Effort) -> Outcome:
-    """Reflectance tends to 1 as the cosine does to 0, down to the smallest numbers."""
-    outcome, curves = Outcome(), []
-    cosines = [10.0**-k for k in (1, 2, 3, 4, 6, 8, 10, 12, 15, 20, 50, 100, 300)]
-    for eta in (1e-3, 1 / 1.5, 1.0 + 1e-12, 1.33, 1.5, 2.4, 1000.0):
-        errors = []
-        for cosine in cosines:
-            error = abs(fresnel(cosine, eta)[0] - exact_reflectance(cosine, eta))
-            errors.append(error)
-            # Near index one the amplitude is a small difference; its cancellation is 1 / cosine.
-            outcome += Outcome(rays=1, error=error / 1e-12 if eta != 1.0 + 1e-12 else None)
-            outcome = outcome.checked(0.0 <= fresnel(cosine, eta)[0] <= 1.0, f"{eta:g}, {cosine:g}")
-        curves.append(
-            Curve("cosine", f"eta {eta:.4g}", cosines, shown(errors), [1e-12] * len(cosines),
-                  unit="reflectance")
-        )  # fmt: skip
-        if eta != 1.0 + 1e-12:
-            outcome += same(f"cosine 0, eta {eta:g}", [fresnel(0.0, eta)[0]], [1.0])
-    plate = slab(-1, 0, Dielectric(1.5))
-    sky = GradientSky(0.0, 1.0, (0, 0, 1))
-    for integrator in INTEGRATORS:
-        for cosine in (1e-2, 1e-4, 1e-6, 1e-8):
-            # It meets the plate two units on.
-            camera = Camera((-2, 0, 2 * cosine), (0, 0, 0), (0, 1, 0), 1e-9, 8, 8)
-            scene = Scene(camera, [plate], environment=sky)
-            result = picture(effort, scene, integrator, max_depth=NO_END)
-            # Both the mirrored sky and what comes through lie between 0.5 and 1; near 0.5 at last.
-            reflected = exact_reflectance(cosine / math.sqrt(1 + cosine**2), 1.5)
-            high = 0.5 + 0.5 * cosine + 0.5 * (1.0 - reflected) + 1e-6
-            name = f"{integrator}, plate at cosine {cosine:g}"
-            mean = float(result.image.mean(dtype=float))
-            low = (0.5 + 0.5 * cosine) * reflected * (1 - 1e-6) if integrator == "whitted" else 0.0
-            fault = f"{name}: {mean:.8g} is not within {low:.8g} to {high:.8g}"
-            outcome += finite(name, result).checked(low <= mean <= high, fault)
-    return outcome + Outcome(curves=tuple(curves))
 
 
 @row("D14", "bodies within bodies, overlapping bodies", "closed form: stacks of plates")

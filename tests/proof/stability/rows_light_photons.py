@@ -1,21 +1,14 @@
-"""Rows D21 to D25, L06, L07, L13: photons and the discs they are gathered on."""
+"""Rows D21, D24, L06, L07, L13: photons and the discs they are gathered on."""
 
 from __future__ import annotations
 
 import math
-import time
-import tracemalloc
-import warnings
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators import PathOptions, PhotonMapOptions, PPMOptions
-from hybrid_rt.integrators.kernels.photon_steps import Photons
-from hybrid_rt.integrators.photons.density_estimation import Discs, Points, Radii
-from hybrid_rt.integrators.shading import NO_NORMALS
 from hybrid_rt.lights import RectangleLight, SphereLight
 from hybrid_rt.lights.spot import SpotLight
 from hybrid_rt.materials import Dielectric, Lambertian
@@ -23,8 +16,6 @@ from hybrid_rt.primitives import Box, Rectangle
 from hybrid_rt.rendering.result import RenderResult
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
-from hybrid_rt.shading.kernels.bsdf import LobeTable
-from hybrid_rt.shading.kernels.lobes.register import WIDE
 from proof.light.light_tracer import BALL, BEHIND_PANE
 from proof.stability.light_run import (
     FEW_PASSES,
@@ -38,7 +29,6 @@ from proof.stability.light_run import (
     off_by_passes,
     own_options,
     picture,
-    resident_mib,
     same,
     shown,
 )
@@ -120,84 +110,6 @@ def points_without_photons(effort: Effort) -> Outcome:
     return outcome
 
 
-def _field(position: FloatArray, radius: float) -> Discs:
-    n = len(position)
-    down = np.tile(np.array([0, 0, -1], np.float32), (n, 1))
-    power = np.full((n, 3), 1.0 / n, np.float32)
-    lobes = LobeTable(
-        np.zeros(1, np.int32), np.full(1, WIDE, np.int32), np.zeros(1, np.int32),
-        np.zeros((1, 6)), np.ones(1), np.array([0, 1], np.int32),
-    )  # fmt: skip
-    photons = Photons(position, down, -down, power, np.ones(n, np.uint8))
-    return Discs(photons, lobes, Radii.fixed(radius), 1.0)
-
-
-def _gathered(
-    position: FloatArray, n_points: int
-) -> tuple[FloatArray, NDArray[np.int64], float, float]:
-    """Gather in one point many times; return radiance, photons near, MiB and seconds.
-
-    MiB that Python's allocator has seen, or that the process has grown by: trees and their answers
-    are made outside of it.
-    """
-    began, resident = time.perf_counter(), resident_mib()
-    tracemalloc.start()
-    normal = np.tile([0.0, 0, 1], (n_points, 1))
-    sums, _ = _field(position, 0.5).radiance(
-        Points(
-            np.zeros((n_points, 3)), normal, -normal, NO_NORMALS, np.zeros(n_points, np.int32),
-            np.ones((n_points, 1, 3)), np.ones(n_points, dtype=bool),
-            np.linspace(0, 1, n_points, endpoint=False), np.full(n_points, np.inf),
-        )
-    )  # fmt: skip
-    _, most = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    mib = max(most / 2**20, resident_mib() - resident)
-    return sums.value, sums.near, mib, time.perf_counter() - began
-
-
-@row("D22", "all photons in one point, or in a disc of 1e-9", "closed form; memory as when spread")
-def photons_in_one_point(effort: Effort) -> Outcome:
-    """Gather a million photons in one place, in no more memory than a million on a wide floor."""
-    n, n_points = effort.count(1_000_000, 10_000), 16
-    rng = effort.rng()
-    wide = np.zeros((n, 3))
-    wide[:, :2] = rng.uniform(-50, 50, (n, 2))
-    _, _, plain, _ = _gathered(wide, n_points)
-    narrow = np.zeros((n, 3))
-    narrow[:, :2] = 1e-9 * rng.uniform(-1, 1, (n, 2))
-    outcome, figures = Outcome(), []
-    for name, position in (("one point", np.zeros((n, 3))), ("a disc of 1e-9", narrow)):
-        value, near, mib, seconds = _gathered(position, n_points)
-        # All power in the middle of the kernel: its height there, times 1 / pi.
-        expected = np.full((n_points, 3), 2 / (math.pi * 0.25) / math.pi)
-        outcome += same(f"{name}: radiance", value, expected, 2e-6)
-        outcome += same(f"{name}: photons met", near, np.full(n_points, n))
-        # Pairs of points and photons are cut into parts of a fixed size, about 130 MiB.
-        fault = f"{name}: {mib:.0f} MiB where {plain:.0f} MiB do when spread"
-        outcome = outcome.checked(mib < 2.0 * plain + 400.0, fault)
-        figures.append(f"{name} {mib:.0f} MiB, {seconds:.1f} s")
-    note = f"{n} photons, {n_points} points: {', '.join(figures)}; spread {plain:.0f} MiB"
-    return outcome + Outcome(notes=(note,))
-
-
-@row("D23", "discs of radius 0, or larger than the scene", "refusals; closed form of the mean")
-def extreme_discs(effort: Effort) -> Outcome:
-    """Refused beyond a quarter of the scene and below a millionth; the widest show the mean."""
-    outcome = Outcome()
-    for bad in (0.0, -1.0, math.nan, math.inf):
-        outcome += refusal(partial(PPMOptions, initial_radius=bad), "initial_radius")
-    scene = evenly_lit(BELOW_PANE)
-    for bad in (1e308, 1e3, 1.001 * WIDEST * ACROSS, 0.999 * NARROWEST * ACROSS, 1e-300):
-        options = PPMOptions(100, initial_radius=bad)
-        outcome += refusal(
-            partial(picture, effort, scene, "ppm", options=options),
-            "initial_radius", "across",
-        )  # fmt: skip
-    more, _, mib = _by_radius(effort, 0.999 * WIDEST * ACROSS)
-    return (outcome + more).checked(mib < 400.0, f"widest discs: {mib:.0f} MiB")
-
-
 def _by_radius(effort: Effort, radius: float) -> tuple[Outcome, tuple[float, float] | None, float]:
     """Compare the middle of the floor with the mean over discs of the radii of all passes."""
     n_photons = effort.count(20_000, 2000)
@@ -247,51 +159,6 @@ def gathering_across_walls(effort: Effort) -> Outcome:
                 image = picture(effort, scene, integrator, 2, options=options).image
                 outcome += same(f"{integrator}, {name}", image, np.zeros(image.shape))
     return outcome
-
-
-@row("D25", "alpha of 0, 1, below and above", "refusals, a warning; sequence of radii; slope")
-def extreme_alpha(effort: Effort) -> Outcome:
-    """Refused outside (0, 1]; at 1 a warning; between, radii and errors fall as they should."""
-    outcome = Outcome()
-    for bad in (0.0, -0.5, math.nextafter(1.0, 2.0), 2.0, math.nan):
-        outcome += refusal(partial(PPMOptions, alpha=bad), "alpha")
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        still = PPMOptions(2000, alpha=1.0)
-    warned = len(caught) == 1 and "never shrink" in str(caught[0].message)
-    outcome = outcome.checked(warned, "alpha 1: no warning")
-    curves = []
-    for alpha, options in ((1e-9, None), (0.3, None), (ALPHA, None), (1.0, still)):
-        given = options or PPMOptions(2000, alpha=alpha)
-        result = picture(effort, evenly_lit(BELOW_PANE), "ppm", 9, options=given)
-        about = result.report["photons"]
-        expected = radius_of_pass(8, alpha) * np.array(about["first_radii"])
-        outcome += same(f"alpha {alpha:g}: radii", about["last_radii"], expected, 1e-12)
-        outcome += finite(f"alpha {alpha:g}", result)
-    # Error against passes: the variance of discs falls as passes^-alpha.
-    view = Camera((0, 0, 0.18), (0, 0, 0), (0, 1, 0), 90, 16, 16)
-    truth = 0.5 / math.pi * float(irradiance(np.zeros(1), np.zeros(1))[0])
-    # The slope is that from the first to the last; those between are for the plot.
-    n_passes = (1, 64) if effort.is_small else (1, 4, 16, 64)
-    radius = 0.1
-    for alpha in (0.5, ALPHA, 0.9):
-        errors = []
-        for n in n_passes:
-            options = PPMOptions(effort.count(4000, 1000), alpha, radius)
-            image = picture(effort, evenly_lit(view), "ppm", n, options=options).image
-            errors.append(float(np.sqrt(np.square(image.astype(np.float64) / truth - 1).mean())))
-        expected_errors = [errors[0] * n ** (-alpha / 2) for n in n_passes]
-        slope = math.log(errors[-1] / errors[0]) / math.log(n_passes[-1])
-        # Photons are spread more evenly than chance does it, so errors may fall a little faster.
-        ok = -0.5 * alpha - 0.15 < slope < -0.5 * alpha + 0.1
-        fault = f"alpha {alpha:.3g}: slope {slope:.3f} where {-alpha / 2:.3f} is expected"
-        outcome = outcome.checked(ok, fault)
-        outcome += Outcome(rays=sum(n_passes) * 256)
-        curves.append(
-            Curve("passes", f"alpha {alpha:.3g}", list(map(float, n_passes)), errors,
-                  expected_errors, unit="of the radiance")
-        )  # fmt: skip
-    return outcome + Outcome(curves=tuple(curves))
 
 
 @row("L06", "a million photons into a spot of 1e-3", "what a cone sends out; memory as when spread")

@@ -1,11 +1,8 @@
-"""Rows E01 to E11: the coarse stage, processes and threads, memory, layouts of arrays, stores."""
+"""Rows E03, E05, E09: arguments, processes and threads, layouts of arrays."""
 
 from __future__ import annotations
 
 import multiprocessing
-import subprocess
-import sys
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,11 +10,10 @@ import numpy as np
 from hybrid_rt.analysis.ray_sets import at_box
 from hybrid_rt.demo import teapot
 from hybrid_rt.intersection import Intersector
-from meshing import tessellate
 from proof.cases.campaign import torus
 from proof.cases.rays import chords
 from proof.stability.measure import differences
-from proof.stability.row import Effort, Outcome, refusal, row, tested
+from proof.stability.row import Effort, Outcome, row
 
 # Seconds for a child process, its compilations included.
 LIMIT = 120
@@ -39,23 +35,6 @@ def twice(effort: Effort) -> Outcome:
         .checked(not differences(a, b), "the second call differs from the first")
         .checked(bool(same), "an argument was written to")
     )
-
-
-@row("E04", "no coarse mesh", "run with the packages made unimportable")
-def without_packages(effort: Effort) -> Outcome:
-    """Closed forms need neither Embree nor trimesh nor scipy."""
-    del effort
-    script = (
-        "import sys\n"
-        "for name in ('embreex', 'trimesh', 'scipy'): sys.modules[name] = None\n"
-        "from hybrid_rt import Intersector, Sphere, Rectangle, Box, Plane\n"
-        "tracer = Intersector([Sphere((0, 0, 0), 1), Plane((0, 0, -2), (0, 0, 1))])\n"
-        "assert tracer.intersect((0, 0, 5), (0, 0, -1)).t[0] == 4.0\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script], check=False, timeout=LIMIT, capture_output=True, text=True
-    )
-    return Outcome(rays=1).checked(done.returncode == 0, done.stderr[-500:])
 
 
 def hits_in_a_child(queue: Any, n: int, seed: int) -> None:
@@ -90,32 +69,6 @@ def workers(effort: Effort) -> Outcome:
     return total
 
 
-@row("E07", "tolerance 0 or 1e-300", "refusal")
-def no_tolerance(effort: Effort) -> Outcome:
-    """Zero is refused; what cannot be reached is refused before the work."""
-    del effort
-    total = Outcome()
-    for tolerance in (0.0, -1.0, np.nan):
-        total += refusal(partial(tessellate, torus(), tolerance), "tolerance")
-    return total + _too_fine(1e-300)
-
-
-def _too_fine(tolerance: float) -> Outcome:
-    try:
-        tessellate(teapot(), tolerance)
-    except (ValueError, MemoryError) as error:
-        ok = "triangles" in str(error) or "memory" in str(error)
-        return Outcome(rays=1).checked(ok, f"refused with {error!r}")
-    return Outcome(rays=1, wrong=1, faults=(f"tolerance {tolerance:g} was accepted",))
-
-
-@row("E08", "tessellation that memory does not hold", "refusal")
-def too_many_triangles(effort: Effort) -> Outcome:
-    """Triangles are counted before memory is used."""
-    del effort
-    return _too_fine(1e-14) + _too_fine(1e-12)
-
-
 @row("E09", "arrays of any layout", "identity")
 def layouts(effort: Effort) -> Outcome:
     """Read-only, Fortran-ordered and strided arrays are taken."""
@@ -138,31 +91,3 @@ def layouts(effort: Effort) -> Outcome:
             names = differences(tracer.intersect(*arrays), expected)
             total += Outcome(rays=n).checked(not names, f"{name} arrays change {', '.join(names)}")
     return total
-
-
-STORE, HITS = "rendering/test_store.py", "intersection/test_certified.py"
-tested(
-    "E01",
-    "coarse stage reports wrong hits",
-    "identity",
-    f"{HITS}::test_wrong_coarse_hits_change_nothing",
-)
-tested("E02", "coarse stage misses", "identity", f"{HITS}::test_wrong_coarse_hits_change_nothing")
-tested(
-    "E06",
-    "rays in random order",
-    "identity",
-    f"{HITS}::test_order_batches_and_threads_change_no_bit",
-)
-tested(
-    "E10",
-    "killed while its sums are written",
-    "the render in one go",
-    f"{STORE}::test_killed_at_any_moment",
-)
-tested(
-    "E11", "a bit of a store flips", "the sums that were saved",
-    f"{STORE}::test_every_bit_of_sums_counts",
-    f"{STORE}::test_a_bit_of_the_identity_does_not_lose_the_sums",
-    f"{STORE}::test_a_flipped_bit_costs_a_save_at_most",
-)  # fmt: skip

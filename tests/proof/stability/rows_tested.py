@@ -1,0 +1,133 @@
+"""Rows that tests of the suite hold, each with the tests that pytest runs for it."""
+
+from __future__ import annotations
+
+from proof.stability.row import tested
+
+CAMERA = "sensor/test_camera.py::test_"
+CAUSTICS = "integrators/photons/test_caustics.py::test_"
+HITS = "intersection/test_certified.py::test_"
+LIGHT_FOUND = "integrators/test_light_found.py::test_"
+MATERIALS = "materials/test_materials.py::test_"
+PPM = "integrators/photons/test_ppm.py::test_"
+SETTINGS = "rendering/test_settings.py::test_"
+STORE = "rendering/test_store.py::test_"
+TESSELLATION = "../meshing/test_tessellation_of_known_surfaces.py::test_"
+TEXTURES = "textures/test_textures.py::test_"
+WHITTED = "integrators/whitted/test_whitted.py::test_"
+
+# Id, title, truth, and tests by file and name.
+ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
+    ("D07", "view along up; fields of view of 0 and 180", "refusals; unit directions between", (
+        f"{CAMERA}impossible_cameras_are_refused_by_name",
+        f"{CAMERA}directions_are_unit_vectors_in_all_fields_of_view",
+    )),
+    ("D11", "indices of 0, below 0, not a number", "refusals", (
+        f"{MATERIALS}impossible_materials_are_refused",
+        "materials/test_rough_conductor.py::test_impossible_metals_are_refused",
+    )),
+    ("D12", "the critical angle", "Fresnel's equations in many digits", (
+        "shading/test_fresnel.py::test_reflectance_around_the_critical_angle",
+        f"{WHITTED}total_reflection_sends_everything_back",
+    )),
+    ("D13", "grazing incidence", "Fresnel's equations in many digits", (
+        "shading/test_fresnel.py::test_reflectance_is_that_of_fresnels_equations",
+        "shading/test_fresnel.py::test_grazing_light_is_all_reflected",
+    )),
+    ("D17", "albedo above one or below 0", "refusals", (
+        f"{MATERIALS}impossible_materials_are_refused",
+    )),
+    ("D20", "lamp enclosed by glass", "closed form: Fresnel's equations about one centre", (
+        "integrators/test_hard_cases.py::test_d20_lamp_enclosed_by_glass",
+        "integrators/photons/test_branching.py::test_lamp_in_a_plate_of_glass",
+        f"{CAUSTICS}lamp_within_glass_lights_the_floor",
+    )),
+    ("D22", "all photons in one point", "closed form; memory as when spread", (
+        f"{PPM}a_million_photons_in_one_point_need_little_memory",
+    )),
+    ("D23", "discs of radius 0, or larger than the scene", "refusals", (
+        f"{PPM}impossible_options_are_refused",
+        f"{PPM}radii_far_from_the_scenes_size_are_refused",
+    )),
+    ("D25", "alpha of 0, 1, below and above", "refusals, a warning; sequence of radii; slope", (
+        f"{PPM}impossible_options_are_refused",
+        f"{PPM}alpha_one_warns_of_its_blur",
+        f"{PPM}radius_sequence_of_knaus_and_zwicker",
+        f"{CAUSTICS}error_falls_as_the_third_root_of_the_passes",
+    )),
+    ("D26", "textures with values that are no colours", "refusals", (
+        f"{TEXTURES}impossible_textures_are_refused",
+        f"{MATERIALS}impossible_materials_are_refused",
+        "scene/test_scene.py::test_impossible_lights_are_refused",
+    )),
+    ("D27", "textures of one texel, none, 16 bits, with alpha", "closed forms; refusals", (
+        f"{TEXTURES}one_pixel_is_a_constant",
+        f"{TEXTURES}eight_and_sixteen_bits_grey_and_alpha",
+        f"{TEXTURES}what_is_no_picture_is_refused",
+        f"{TEXTURES}impossible_textures_are_refused",
+    )),
+    ("D28", "texture coordinates 1, below 0 and 1e9", "closed form of the checker; whole periods", (
+        f"{TEXTURES}uv_checker_counts_squares",
+        f"{TEXTURES}repeating_images_have_period_one",
+    )),
+    ("D30", "lenses of diameter 0, planes of focus at 0", "the pinhole's picture; refusals", (
+        f"{CAMERA}aperture_zero_is_exactly_the_pinhole",
+        f"{CAMERA}impossible_cameras_are_refused_by_name",
+        f"{WHITTED}lens_blurs_and_the_closed_lens_is_the_pinhole",
+    )),
+    ("D31", "stop and continue, another number of threads", "the render in one go", (
+        f"{STORE}a_render_in_parts_has_the_bits_of_one_in_one_go",
+    )),
+    ("D32", "no passes, no photons, no time", "refusals", (
+        f"{SETTINGS}what_is_out_of_range_is_refused",
+        f"{PPM}impossible_options_are_refused",
+        f"{PPM}impossible_options_of_photon_maps_are_refused",
+    )),
+    ("E01", "coarse stage reports wrong hits", "identity", (
+        f"{HITS}wrong_coarse_hits_change_nothing",
+    )),
+    ("E02", "coarse stage misses", "identity", (f"{HITS}wrong_coarse_hits_change_nothing",)),
+    ("E04", "no coarse mesh", "run with the packages made unimportable", (
+        f"{HITS}no_curved_surface_no_embree",
+        "rendering/test_render.py::test_scene_of_closed_forms_imports_no_mesh_library",
+    )),
+    ("E06", "rays in random order", "identity", (
+        f"{HITS}order_batches_and_threads_change_no_bit",
+    )),
+    ("E07", "tolerance 0", "refusal", (f"{TESSELLATION}tolerance_must_be_positive",)),
+    ("E08", "tessellation that memory does not hold", "refusal", (
+        f"{TESSELLATION}too_many_triangles_are_refused_before_they_are_made",
+    )),
+    ("E10", "killed while its sums are written", "the render in one go", (
+        f"{STORE}killed_at_any_moment",
+    )),
+    ("E11", "a bit of a store flips", "the sums that were saved", (
+        f"{STORE}every_bit_of_sums_counts",
+        f"{STORE}a_bit_of_the_identity_does_not_lose_the_sums",
+        f"{STORE}a_flipped_bit_costs_a_save_at_most",
+    )),
+    ("F09", "lamp in a matt plane, or touching it", "closed form: form factor of a rectangle", (
+        "scene/lint/test_lamps_in_surfaces.py::test_all_integrators_agree_on_lamps_at_the_floor",
+    )),
+    ("F10", "direction of length 1e-310; t beyond the largest double", "closed form; refusal", (
+        f"{HITS}bad_rays_are_refused",
+        f"{HITS}what_lies_beyond_the_largest_number_is_a_miss",
+        f"{HITS}spheres_so_far_away_that_they_are_lost_have_finite_points",
+    )),
+    ("F11", "point light by way of a mirror or glass", "closed form of the image; named if left out", (
+        f"{LIGHT_FOUND}light_is_found_as_declared",
+        f"{LIGHT_FOUND}what_is_left_out_is_named_once_with_the_shortest_paths",
+        "integrators/photons/test_unfound_light.py::test_it_is_that_of_the_lamps_image",
+    )),
+    ("L14", "what each integrator declares to find", "closed forms of direct light", (
+        f"{LIGHT_FOUND}light_is_found_as_declared",
+        f"{WHITTED}matt_floor_under_a_point_light",
+        f"{WHITTED}matt_floor_under_an_open_sky",
+        "lights/test_rectangle.py::test_irradiance_is_lamberts",
+        "lights/test_spot.py::test_irradiance_on_a_plane",
+        "lights/test_surface.py::test_irradiance_is_lamberts",
+    )),
+)  # fmt: skip
+
+for row_id, title, truth, tests in ROWS:
+    tested(row_id, title, truth, *tests)
