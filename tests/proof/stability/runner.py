@@ -6,9 +6,14 @@ A row that exceeds its limit or kills the process fails; a new child runs the re
 from __future__ import annotations
 
 import multiprocessing
+import os
+import signal
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -114,94 +119,64 @@ def run_rows(
     ValueError
         If a word of ``only`` selects nothing.
     """
-    selected = expand(only, ids)
-    known = rows()
-    child = _Child(rows, effort or Effort())
+    known, worker = rows(), None
     try:
-        for row_id in selected:
+        for row_id in expand(only, ids):
             if row_id in known:
-                yield child.run(known[row_id], limit)
+                worker = worker or _Worker(rows)
+                result = worker.run(known[row_id], effort or Effort(), limit)
+                if result.verdict in (ENDLESS, CRASHED):
+                    worker.stop()
+                    worker = None
+                yield result
             elif row_id in NOT_BUILT:
                 yield Result(row_id, "", "", NOT_YET + NOT_BUILT[row_id])
             else:
                 yield Result(row_id, "", "", MISSING, Outcome(faults=("there is no such row",)))
     finally:
-        child.stop()
+        if worker is not None:
+            worker.stop()
 
 
-class _Child:
-    """A process that runs rows by their ids, started when it is needed."""
+class _Worker:
+    """A process that runs rows by their ids."""
 
-    def __init__(self, rows: Rows, effort: Effort) -> None:
-        self._rows, self._effort = rows, effort
-        self._process: Any = None
-        self._pipe: Any = None
+    def __init__(self, rows: Rows) -> None:
+        self._rows = rows
+        self._pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
+        self._pid = self._pool.submit(_ready, rows).result(START)
 
-    def run(self, row: Row, limit: float) -> Result:
-        """Run one row, in a new process if the last one has ended."""
-        if self._process is None:
-            self._start()
+    def run(self, row: Row, effort: Effort, limit: float) -> Result:
+        """Run one row; after "does not end" and "crashed" this process is of no more use."""
         began = time.perf_counter()
-        answer: tuple[Outcome, float] | None = None
-        verdict, fault = ENDLESS, f"no answer within {limit:g} s"
         try:
-            self._pipe.send(row.id)
-            if self._pipe.poll(limit):
-                answer = self._pipe.recv()
-        except (EOFError, OSError):
-            self._process.join(10.0)
-            verdict, fault = CRASHED, f"the process ended with {self._process.exitcode}"
-        if answer is None:
-            self.stop()
-            seconds = time.perf_counter() - began
-            return Result(row.id, row.title, row.truth, verdict, Outcome(faults=(fault,)), seconds)
-        outcome, seconds = answer
-        found = HOLDS if outcome.holds else FAILS
-        return Result(row.id, row.title, row.truth, found, outcome, seconds)
-
-    def _start(self) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._pipe, other = context.Pipe()
-        # No daemon: rows may start processes of their own.
-        self._process = context.Process(target=_serve, args=(other, self._rows, self._effort))
-        self._process.start()
-        other.close()
-        if not self._pipe.poll(START):
-            self.stop()
-            raise OSError(f"no process could be started within {START:g} s")
-        try:
-            self._pipe.recv()
-        except EOFError:
-            self.stop()
-            raise OSError("the process that runs rows ended before it began") from None
+            outcome = self._pool.submit(_outcome, self._rows, row.id, effort).result(limit)
+            verdict = HOLDS if outcome.holds else FAILS
+        except TimeoutError:
+            verdict, outcome = ENDLESS, Outcome(faults=(f"no answer within {limit:g} s",))
+        except BrokenProcessPool:
+            verdict, outcome = CRASHED, Outcome(faults=("the process ended",))
+        return Result(
+            row.id, row.title, row.truth, verdict, outcome, time.perf_counter() - began
+        )  # fmt: skip
 
     def stop(self) -> None:
-        """Terminate the process."""
-        if self._process is None:
-            return
-        self._pipe.close()
-        self._process.join(1.0)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join()
-        self._process = self._pipe = None
+        """Kill the process: a row may hang in a kernel, which hears no other signal."""
+        with suppress(ProcessLookupError):
+            os.kill(self._pid, signal.SIGKILL)
+        self._pool.shutdown(cancel_futures=True)
 
 
-def _serve(pipe: Any, rows: Rows, effort: Effort) -> None:
-    """Run rows whose ids come through a pipe, until it is closed."""
-    known = rows()
-    pipe.send("ready")
-    while True:
-        try:
-            row_id = pipe.recv()
-        except (EOFError, OSError, KeyboardInterrupt):
-            return
-        began = time.perf_counter()
-        try:
-            outcome = known[row_id].run(effort)
-        except KeyboardInterrupt:
-            return
-        except Exception as error:  # noqa: BLE001  # a row that raises fails, the others go on
-            where = traceback.format_exc(limit=-3)
-            outcome = Outcome(faults=(f"raised {type(error).__name__}: {error}",), notes=(where,))
-        pipe.send((outcome, time.perf_counter() - began))
+def _ready(rows: Rows) -> int:
+    """Import the rows; return the number of this process."""
+    rows()
+    return os.getpid()
+
+
+def _outcome(rows: Rows, row_id: str, effort: Effort) -> Outcome:
+    """Run a row; one that raises fails, and the others go on."""
+    try:
+        return rows()[row_id].run(effort)
+    except Exception as error:  # noqa: BLE001
+        where = traceback.format_exc(limit=-3)
+        return Outcome(faults=(f"raised {type(error).__name__}: {error}",), notes=(where,))
