@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -43,7 +43,6 @@ from proof.stability.measure_exact import (
 from proof.stability.row import Effort, Outcome, row
 
 ORIGIN, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
-Profile = Sequence[Sequence[tuple[float, float]]]
 OGIVE = [[(0.0, 0.0), (0.5, 0.9), (2.0, 1.0)], [(2.0, 1.0), (2.0, 0.0)]]
 SPHERES = [
     ((0.0, 1.0, 0.0), 1.0),

@@ -1,4 +1,4 @@
-"""Rows A06 to A14, A16 and A32: degrees, degenerate and touching patches, nets that are refused."""
+"""Rows A06, A08, A10 to A14 and A32: degrees, degenerate and touching patches, shapes of nets."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hybrid_rt.core.records import FloatArray, Status
 from hybrid_rt.demo import teapot
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.primitives import Rectangle
-from meshing import BezierPatches, SurfaceOfRevolution
+from meshing import BezierPatches
 from proof.cases.catalogue import (
     cuspidal_edge,
     loop_sheet,
@@ -90,21 +90,6 @@ def _point_of_degree_30(effort: Effort) -> Outcome:
     return Outcome(rays=count, error=worst / allowed)
 
 
-@row("A07", "degree 0 in one direction", "refusal")
-def curves_are_refused(effort: Effort) -> Outcome:
-    """A curve is no surface."""
-    rng = effort.rng()
-    return sum(
-        (
-            refusal(
-                partial(BezierPatches, rng.random(shape)), "degree 0 in", "would make it a curve"
-            )
-            for shape in ((1, 1, 4, 3), (1, 4, 1, 3))
-        ),
-        Outcome(),
-    )
-
-
 @row("A08", "collapsed edge", "exact arithmetic; closed form")
 def collapsed_edges(effort: Effort) -> Outcome:
     """The apex of the teapot's lid: through it, and 1e-1 to 1e-14 beside."""
@@ -120,19 +105,6 @@ def collapsed_edges(effort: Effort) -> Outcome:
     # Some of these graze the lid as well: that is the work of a tangent.
     near = by_set("apex of the lid", effort, 12, against="distance from a collapsed apex / size")
     return (total + near).checked(near.work < 5000, f"{near.work} pieces beside the apex")
-
-
-@row("A09", "patch collapsed to a curve or a point", "refusal")
-def no_area(effort: Effort) -> Outcome:
-    """Refused by default; the message names the patch."""
-    del effort
-    return sum(
-        (
-            refusal(partial(BezierPatches, [flat_net(), net]), "patch 1 has no area")
-            for net in (np.ones((4, 4, 3)), flat_net()[:, :1].repeat(4, axis=1))
-        ),
-        Outcome(),
-    )
 
 
 @row("A10", "cusp inside a patch", "exact arithmetic")
@@ -232,20 +204,6 @@ def t_junction(effort: Effort) -> Outcome:
         [BezierPatches([flat_net(), upper, lower])], targets - directions, directions
     )
     return found + Outcome(wrong=int((~hits.hit | (np.abs(hits.t - 1) > 1e-14)).sum()))
-
-
-@row("A16", "control points that are no numbers", "refusal")
-def not_finite(effort: Effort) -> Outcome:
-    """Refused, naming the patch or the profile."""
-    del effort
-    total = Outcome()
-    for value in (np.nan, np.inf, -np.inf):
-        net = np.array(teapot().patches[3])
-        net[1, 2, 0] = value
-        profile = [(0.0, 1.0), (value, 2.0)]
-        total += refusal(partial(BezierPatches, [teapot().patches[0], net]), "finite")
-        total += refusal(partial(SurfaceOfRevolution, profile, (0, 0, 0), (0, 0, 1)), "finite")
-    return total
 
 
 @row("A32", "nets of wrong shape or type", "refusal; identity")

@@ -1,17 +1,13 @@
-"""Rows A27, A28, A31, A33 and A34: rational patches, NURBS, and loops that wrap around."""
+"""Rows A27, A28 and A31: rational patches and NURBS."""
 
 from __future__ import annotations
 
-from fractions import Fraction
 from functools import partial
 
 import numpy as np
 
 from hybrid_rt.core.records import FloatArray
-from hybrid_rt.intersection import Intersector
-from hybrid_rt.primitives import Sphere
-from hybrid_rt.primitives.torus import Torus
-from meshing import BezierPatches, NurbsSurface, TrimmedSurface, polygon
+from meshing import BezierPatches, NurbsSurface
 from proof.cases.rational_surfaces import octant
 from proof.stability.measure import EPS, Plot, by_times
 from proof.stability.measure_exact import by_exact
@@ -154,74 +150,3 @@ def breaks_and_empty_spans(effort: Effort) -> Outcome:
     return total + by_times(
         [torn], origins, np.tile((0.0, 0.0, -1.0), (7, 1)), np.where(hit, 1.0, np.inf)
     )
-
-
-def _height(z: list[Fraction], knots: FloatArray, x: Fraction) -> Fraction:
-    """Return a quadratic spline's value by de Boor's algorithm, exactly."""
-    t = [Fraction(k) for k in knots.tolist()]
-    k = max(i for i in range(2, len(t) - 3) if t[i] <= x)
-    d = z[k - 2 : k + 1]
-    for r in (1, 2):
-        for j in range(2, r - 1, -1):
-            a = (x - t[j + k - 2]) / (t[j + 1 + k - r] - t[j + k - 2])
-            d[j] = (1 - a) * d[j - 1] + a * d[j]
-    return d[2]
-
-
-@row("A33", "NURBS far from 0, given and moved", "de Boor's algorithm in fractions")
-def nurbs_far_away(effort: Effort) -> Outcome:
-    """Bounds hold for the surface that was given, and are those of a surface at 0."""
-    total, rng = Outcome(), effort.rng(33)
-    knots = np.array([0.0, 0, 0, 1, 4, 7, 8, 8, 8])
-    x = (knots[1:7] + knots[2:8]) / 2  # so x(u) = u
-    n = effort.count(2000, 30)
-    for far in (0.0, 1e2, 1e3, 1e5, 1e7):
-        for scale in (1.0, 0.3):
-            z = far + rng.random(6)
-            net = np.stack([np.stack([x, x * 0 + y, z], 1) for y in (0.0, 1.0)], 1)
-            matrix = np.diag([1.0, 1.0, scale, 1.0])
-            matrix[2, 3] = 0.0 if scale == 1.0 else -far / 7
-            surface = NurbsSurface(net, knots, [0, 0, 1, 1], (2, 1)).transformed(matrix)
-            a, shift = Fraction(scale), Fraction(float(matrix[2, 3]))
-            o = np.column_stack(
-                [rng.uniform(0.01, 7.99, n), rng.uniform(0.01, 0.99, n), np.zeros(n)]
-            )
-            o[:, 2] = surface.bounds[1, 2] + 2.0
-            hits = Intersector([surface], coarse="none").intersect(o, (0.0, 0.0, -1.0))
-            heights = [Fraction(c) for c in z.tolist()]
-            true = [
-                Fraction(p[2]) - (a * _height(heights, knots, Fraction(p[0])) + shift)
-                for p in o.tolist()
-            ]
-            off = [abs(Fraction(t) - e) for t, e in zip(hits.t.tolist(), true, strict=True)]
-            broken = sum(e > Fraction(m) for e, m in zip(off, hits.t_bound.tolist(), strict=True))
-            # No bound is wider than the band of a surface of this size at 0.
-            worst = float(hits.t_bound.max() / (64 * EPS * surface.size))
-            total += Outcome(rays=n, wrong=int((~hits.hit).sum()), broken=broken, error=worst)
-    return total
-
-
-@row("A34", "knots that nearly make a break, loops over themselves", "refusal; exact knots")
-def nearly_equal(effort: Effort) -> Outcome:
-    """What would open a hole by rounding, or cancel itself around a seam, is refused by name."""
-    total, ends = Outcome(), [0, 0, 1, 1]
-    x = np.array([0, 0.1, 0.25, 0.4, 0.6, 0.75, 0.9, 1.0])
-    net = np.stack([np.stack([x, x * 0 + y, x * 0], 1) for y in (0.0, 1.0)], 1)
-    for gap in 3.0 * 10.0 ** -np.arange(9.0, 17.0):
-        knots = [0, 0, 0, 0, 0.5, 0.5, 0.5 + gap, 0.5 + gap, 1, 1, 1, 1]
-        make = partial(NurbsSurface, net, knots, ends, (3, 1))
-        if gap < 1e-12:
-            total += refusal(make, "knots_u holds 0.5 and 0.5", "closer than 1e-12")
-            continue
-        n = effort.count(1000, 40)
-        o = np.column_stack([np.linspace(0.01, 0.99, n), np.full(n, 0.4), np.ones(n)])
-        total += by_times([make()], o, np.tile((0.0, 0.0, -1.0), (n, 1)), np.ones(n))
-    ring, ball = Torus((0, 0, 0), (0, 0, 1), 3, 1), Sphere((0, 0, 0), 1)
-    for low, high in ((-0.3, 1.3), (0.0, 1.001), (-0.9, 1.9)):
-        across = polygon([(low, 0.2), (high, 0.2), (high, 0.4), (low, 0.4)])
-        along = polygon([(0.2, low), (0.4, low), (0.4, high), (0.2, high)])
-        for surface, loop in ((ring, across), (ring, along), (ball, across)):
-            total += refusal(
-                partial(TrimmedSurface, surface, [loop]), "loops[0]", "overlaps itself"
-            )
-    return total

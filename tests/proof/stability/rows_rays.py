@@ -1,4 +1,4 @@
-"""Rows D01 to D05: rays of any length, direction and number."""
+"""Rows D02, D03, D05: rays of any length and direction."""
 
 from __future__ import annotations
 
@@ -24,13 +24,6 @@ def _refused(direction: Any, words: str) -> Outcome:
     for ask in (tracer.intersect, tracer.occluded, tracer.intersect_all):
         total += refusal(partial(ask, np.zeros((9, 3)), directions), "directions[4]", words)
     return total
-
-
-@row("D01", "direction of length zero", "refusal")
-def no_direction(effort: Effort) -> Outcome:
-    """Refused, naming the ray."""
-    del effort
-    return _refused((0, 0, 0), "length zero") + _refused((0.0, -0.0, 0.0), "length zero")
 
 
 @row("D02", "directions of length 1e-300 and 1e300, nan, inf", "closed form; refusal")
@@ -72,31 +65,6 @@ def units(effort: Effort) -> Outcome:
             bool(same), f"the length of directions changes hits on a {type(surface).__name__}"
         )
     return total
-
-
-@row("D04", "batches of any size", "identity")
-def batches(effort: Effort) -> Outcome:
-    """None, one, some, and a large batch: the size changes no result."""
-    surfaces = [torus(), Sphere((0, 0, 0), 0.3)]
-    n = effort.count(10_000_000, 40_000)
-    rays = chords(surfaces, n, seed=effort.seed + 12)
-    tracer = Intersector(surfaces, threads=2)
-    whole = tracer.intersect(rays.origins, rays.directions)
-    nothing = tracer.intersect(np.zeros((0, 3)), np.zeros((0, 3)))
-    outcome = Outcome(rays=n).checked(
-        len(nothing) == 0
-        and tracer.occluded(np.zeros((0, 3)), np.zeros((0, 3))).shape == (0,)
-        and tracer.intersect_all(np.zeros((0, 3)), np.zeros((0, 3))).count.shape == (0,),
-        "an empty batch has rows",
-    )
-    for size in (1, 999, 16_385, 16_384 * 2 + 1):
-        for first in range(0, min(3 * size, n), size):
-            rows = slice(first, first + size)
-            part = tracer.intersect(rays.origins[rows], rays.directions[rows])
-            same = np.array_equal(part.t, whole.t[rows])
-            same &= np.array_equal(part.object_id, whole.object_id[rows])
-            outcome = outcome.checked(bool(same), f"batches of {size} differ from the whole")
-    return outcome
 
 
 @row("D05", "components of direction 0 and -0", "closed form; exact arithmetic")

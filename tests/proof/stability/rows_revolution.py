@@ -1,11 +1,10 @@
-"""Rows B01 to B19: surfaces of revolution."""
+"""Rows B01 to B07 and B09 to B19: surfaces of revolution."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -139,22 +138,6 @@ def tips(effort: Effort) -> Outcome:
             bool(hits.flags[0] & Flag.NORMAL_DEGENERATE), "the tip's normal is not flagged"
         )
     return total
-
-
-@row("B08", "profile that crosses the axis", "refusal")
-def negative_radii(effort: Effort) -> Outcome:
-    """Radii below 0 are refused, with the remedy."""
-    del effort
-    return sum(
-        (
-            refusal(
-                partial(SurfaceOfRevolution, profile, ORIGIN, AXIS),
-                "reaches radius -1: cut it where it meets the axis",
-            )
-            for profile in ([(0, -1), (2, 1)], [(0, -1), (2, -1)])
-        ),
-        Outcome(),
-    )
 
 
 @row("B09", "profile on the axis over an interval", "identity: the surface without it")

@@ -1,4 +1,4 @@
-"""Rows C01 to C13: spheres."""
+"""Rows C01 to C03 and C06 to C13: spheres."""
 
 from __future__ import annotations
 
@@ -73,30 +73,13 @@ def from_afar(effort: Effort) -> Outcome:
     return replace(total, curves=(plot.curve,))
 
 
-def _radius(*values: float) -> Outcome:
-    words = ("radius is", "pass a finite number above 0")
-    return sum((refusal(partial(Sphere, ORIGIN, value), *words) for value in values), Outcome())
-
-
-@row("C04", "radius 0", "refusal")
-def zero(effort: Effort) -> Outcome:
-    """A point is no sphere."""
-    del effort
-    return _radius(0.0, -0.0)
-
-
-@row("C05", "negative radius", "refusal")
-def negative(effort: Effort) -> Outcome:
-    """No inverted normals."""
-    del effort
-    return _radius(-1.0, -1e-300)
-
-
 @row("C06", "radius nan or inf", "refusal")
 def not_finite(effort: Effort) -> Outcome:
     """Refused; so are sizes whose squares are no numbers, and those at the ends are not."""
     del effort
-    total = _radius(np.nan, np.inf, -np.inf)
+    total, words = Outcome(), ("radius is", "pass a finite number above 0")
+    for radius in (np.nan, np.inf, -np.inf):
+        total += refusal(partial(Sphere, ORIGIN, radius), *words)
     for sphere in (Sphere(ORIGIN, 1e61), Sphere(ORIGIN, 1e-61), Sphere((1e61, 0, 0), 1.0)):
         total += refusal(
             partial(Intersector, [Sphere(ORIGIN, 1), sphere]),

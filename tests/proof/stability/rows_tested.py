@@ -6,10 +6,14 @@ from proof.stability.row import tested
 
 CAMERA = "sensor/test_camera.py::test_"
 CAUSTICS = "integrators/photons/test_caustics.py::test_"
+EDGES = "intersection/test_sharp_edges.py::test_"
 HITS = "intersection/test_certified.py::test_"
 LIGHT_FOUND = "integrators/test_light_found.py::test_"
 MATERIALS = "materials/test_materials.py::test_"
+NURBS = "../meshing/test_nurbs.py::test_"
 PPM = "integrators/photons/test_ppm.py::test_"
+REFUSALS = "primitives/test_refusals.py::test_"
+SEAMS = "intersection/test_trims_across_seams.py::test_"
 SETTINGS = "rendering/test_settings.py::test_"
 STORE = "rendering/test_store.py::test_"
 TESSELLATION = "../meshing/test_tessellation_of_known_surfaces.py::test_"
@@ -18,6 +22,28 @@ WHITTED = "integrators/whitted/test_whitted.py::test_"
 
 # Id, title, truth, and tests by file and name.
 ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
+    ("A07", "degree 0 in one direction", "refusal", (f"{REFUSALS}refused_with_a_name",)),
+    ("A09", "patch collapsed to a curve or a point", "refusal", (
+        f"{REFUSALS}refused_with_a_name",
+    )),
+    ("A16", "control points that are no numbers", "refusal", (f"{REFUSALS}refused_with_a_name",)),
+    ("A33", "NURBS far from 0, given and moved", "de Boor's algorithm in fractions", (
+        "intersection/test_bounds_of_what_was_given.py::test_nurbs",
+    )),
+    ("A34", "knots that nearly make a break, loops over themselves", "refusal; exact knots", (
+        f"{NURBS}knots_of_a_break_that_are_nearly_equal_are_refused",
+        f"{NURBS}double_knots_of_a_loop_that_are_nearly_equal_keep_it_whole",
+        "intersection/test_bounds_of_what_was_given.py::test_knots_that_are_nearly_equal",
+        f"{SEAMS}loops_that_overlap_themselves_after_a_turn_are_refused",
+    )),
+    ("B08", "profile that crosses the axis", "refusal", (f"{REFUSALS}refused_with_a_name",)),
+    ("C04", "radius 0", "refusal", (f"{REFUSALS}refused_with_a_name",)),
+    ("C05", "negative radius", "refusal", (f"{REFUSALS}refused_with_a_name",)),
+    ("D01", "direction of length zero", "refusal", (f"{HITS}bad_rays_are_refused",)),
+    ("D04", "batches of any size", "identity", (
+        f"{HITS}order_batches_and_threads_change_no_bit",
+        f"{HITS}inputs_of_any_form",
+    )),
     ("D07", "view along up; fields of view of 0 and 180", "refusals; unit directions between", (
         f"{CAMERA}impossible_cameras_are_refused_by_name",
         f"{CAMERA}directions_are_unit_vectors_in_all_fields_of_view",
@@ -118,6 +144,24 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
         f"{LIGHT_FOUND}light_is_found_as_declared",
         f"{LIGHT_FOUND}what_is_left_out_is_named_once_with_the_shortest_paths",
         "integrators/photons/test_unfound_light.py::test_it_is_that_of_the_lamps_image",
+    )),
+    ("F13", "both crossings of grazing rays, far from 0", "exact distances from the axis", (
+        "intersection/test_grazing_pairs.py::test_no_crossing_of_a_grazing_pair_is_left_out",
+    )),
+    ("F14", "limits of t within a bound of the root", "the root itself", (
+        "intersection/test_limits.py::test_what_the_bound_leaves_open_says_so",
+    )),
+    ("F15", "aspheres whose terms cancel", "fractions", (
+        "intersection/test_asphere.py::test_terms_that_cancel_are_traced_within_their_bounds",
+    )),
+    ("H01", "leaving a face beside a sharp edge", "exact arithmetic", (
+        f"{EDGES}rays_that_leave_a_face_beside_a_sharp_edge_meet_the_other_one",
+    )),
+    ("H02", "skew and flattened faces", "exact arithmetic", (
+        f"{EDGES}points_lie_on_their_rays_and_bounds_are_tight",
+    )),
+    ("H03", "images of closed forms and meshes, far from 0", "the given surface, in fractions", (
+        "intersection/test_images_exactly.py::test_rows_hold_for_the_exact_image",
     )),
     ("L14", "what each integrator declares to find", "closed forms of direct light", (
         f"{LIGHT_FOUND}light_is_found_as_declared",
