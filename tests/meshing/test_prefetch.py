@@ -6,11 +6,11 @@ import numba
 import numpy as np
 import pytest
 
-from meshing.kernels.jit import hot_kernel
+from meshing.kernels.jit import kernel
 from meshing.kernels.prefetch import LINE, prefetch
 
 
-@hot_kernel
+@kernel
 def _sum_of_rows(table, rows):
     total = 0.0
     for i in range(rows.size):

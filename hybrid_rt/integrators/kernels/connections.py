@@ -10,7 +10,7 @@ from hybrid_rt.shading.kernels.bsdf import is_behind, scattered, sides_differ
 from hybrid_rt.shading.kernels.emitter import power_weight
 from hybrid_rt.shading.kernels.lobes.register import EVERY
 from hybrid_rt.shading.kernels.medium_stack import transmittance
-from meshing.kernels.jit import inlined, kernel, part
+from meshing.kernels.jit import inlined, kernel
 from meshing.kernels.prefetch import LINE, prefetch
 
 # Connections find little light, evenly: at every hit they would cost as much as the lamps. On the
@@ -61,7 +61,7 @@ def sent_toward(lit, k, lobes, wx, wy, wz):
     )
 
 
-@part
+@inlined(cached=True)
 def connect_to_light_vertex(world, rules, paths, vertex, vertices, depth, number, s, t, out, n):
     """Connect a vertex of a camera path to a light vertex of its pass, by a shadow ray.
 
@@ -105,7 +105,7 @@ def connect_to_light_vertex(world, rules, paths, vertex, vertices, depth, number
     )
 
 
-@part
+@inlined(cached=True)
 def choose_far(world, rules, vertex, vertices, depth, number, s, t):
     """Choose the far light vertex that a vertex of a camera path is connected to.
 
@@ -232,7 +232,7 @@ def _is_far(world, rules, vertices, k):
     )
 
 
-@part
+@inlined(cached=True)
 def connect(world, paths, vertex, vertices, k, factor, vertices_per_path, out, n):
     """Write row n of the shadow rays, to light vertex k, whose light is multiplied by ``factor``.
 
@@ -286,7 +286,7 @@ def connect(world, paths, vertex, vertices, k, factor, vertices_per_path, out, n
     return True
 
 
-@kernel
+@kernel(allocates=True)
 def splat_light_vertices(lit, lobes, way, pdf, n_paths, media, steps_left, value):
     """Compute the radiance that light vertices scatter toward the camera.
 

@@ -12,7 +12,7 @@ from hybrid_rt.integrators.kernels.connections import fetch_ahead
 from hybrid_rt.integrators.kernels.path_vertex import arrive, depart
 from hybrid_rt.integrators.kernels.vertex_points import RUN_ACROSS, draw_across
 from hybrid_rt.shading.kernels.scatter import SCATTERED
-from meshing.kernels.jit import hot_kernel, inlined
+from meshing.kernels.jit import inlined, kernel
 
 
 class Arrival(NamedTuple):
@@ -65,7 +65,7 @@ def _fetch_ahead(world, rules, depth, block, paths, arrival, i, points, column):
         fetch_ahead(world, rules, block.pass_number[paths.camera_ray[i]], points, column)
 
 
-@hot_kernel
+@kernel
 def advance_paths(
     world,
     rules,

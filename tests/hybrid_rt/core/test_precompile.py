@@ -219,7 +219,7 @@ def test_only_parts_of_what_is_wanted_are_compiled():
 def test_a_part_is_loaded_from_the_cache_by_what_links_it(tmp_path):
     """The kernel is compiled anew, the part is not."""
     (tmp_path / "parts.py").write_text(
-        "from meshing.kernels.jit import part\n@part\ndef square(x):\n    return x * x\n"
+        "from meshing.kernels.jit import inlined\n@inlined(cached=True)\ndef square(x):\n    return x * x\n"
     )
     kernel = (
         "from meshing.kernels.jit import kernel\nfrom parts import square\n"

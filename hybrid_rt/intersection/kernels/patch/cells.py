@@ -20,7 +20,7 @@ import numpy as np
 from hybrid_rt.intersection.kernels.patch.nets import columns_of, projected, restrict
 from hybrid_rt.intersection.kernels.patch.rational_fan import rational_fan
 from hybrid_rt.intersection.kernels.patch.skew_box import CENTRE, COLUMN, LOWER, UPPER
-from meshing.kernels.jit import inner, kernel, outlined
+from meshing.kernels.jit import inner, kernel
 
 # A cell's record, float64. Columns of the dual basis of half the mean tangents and the unit normal
 # (rows along u, v, n), each followed by a coordinate of the middle of the box; lower and upper
@@ -250,7 +250,7 @@ def fill_cell(
         box[3 + c] += centre
 
 
-@outlined
+@inner(outlined=True)
 def side_at_point(control, start, degree_u, degree_v, rational, u0, u1, v0, v1):
     """Return on which side of a cell its patch ends in a point, to within rounding; else -1.
 
@@ -279,7 +279,7 @@ def side_at_point(control, start, degree_u, degree_v, rational, u0, u1, v0, v1):
     return -1
 
 
-@kernel
+@kernel(allocates=True)
 def _new_cones(widest, rational):
     """Return scratch of `rational_fan`; None for polynomial patches."""
     if rational is None:
@@ -287,7 +287,7 @@ def _new_cones(widest, rational):
     return np.empty((2, (widest - 1) * (2 * widest - 1), 3))
 
 
-@kernel
+@kernel(allocates=True)
 def fill_cells(
     control, start, degree, centre, rational, grid, first_cell, begin, end, records, boxes,
     cell_patch
@@ -317,7 +317,7 @@ def fill_cells(
                 cell += 1
 
 
-@kernel
+@kernel(allocates=True)
 def fill_quarters(
     control, start, degree, centre, rational, record, cell_patch, begin, end, quarter, quarter_patch
 ):  # fmt: skip

@@ -20,7 +20,7 @@ from hybrid_rt.intersection.kernels.search.rays import EDGE, NORMAL_DEGENERATE
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND
 from hybrid_rt.intersection.kernels.search.trims import band_of_ray, decide, sure_side
 from meshing.kernels.bernstein import unit_normal
-from meshing.kernels.jit import hot_kernel, inlined
+from meshing.kernels.jit import inlined, kernel
 from meshing.kernels.trims import CROSSED
 
 # Squares of sines below this leave the normal to `unit_normal`; so do squares of partials below this
@@ -43,7 +43,7 @@ STEADY = 0.25
 LEFT = 0.25
 
 
-@hot_kernel
+@kernel
 def count_changed(t_guess, t_before, best, counters):
     """Count the rays that a hit nearer than what their guess refined to was found for."""
     changed = 0
@@ -54,7 +54,7 @@ def count_changed(t_guess, t_before, best, counters):
     counters[CHANGED] += changed
 
 
-@hot_kernel
+@kernel
 def refine_patches(table, hits, triangles, first_patch, rows, rays, best, basis, accepted):
     """Newton from coarse hits, with no proof of anything (accuracy "refined")."""
     to_world = 1.0 / table.to_frame
@@ -140,7 +140,7 @@ def _is_closed_around(bend, k, ox, oy, oz, dx, dy, dz, x, y, z, band, error):
     return False, 0.0
 
 
-@hot_kernel
+@kernel
 def finish_patches(table, rays, best, kind_of, kind, basis, out):
     """Fill what a hit record says of the rays whose nearest root is on a patch.
 
@@ -240,7 +240,7 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
                         best.doubt[i] = np.inf
 
 
-@hot_kernel
+@kernel
 def aim_at_patches(table, rays, best, out, rows, basis, bands, outward, is_edge):
     """Say where to move rays whose hits are `SUSPECT`.
 

@@ -21,7 +21,7 @@ from hybrid_rt.intersection.kernels.search.nearest import (
 )
 from hybrid_rt.intersection.kernels.search.tolerances import MAX_STEPS, TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.trims import band_of_ray, decide, may_be_kept, quick_side
-from meshing.kernels.jit import inlined, inner, outlined
+from meshing.kernels.jit import inlined, inner
 from meshing.kernels.trims import INSIDE, OUTSIDE
 
 CONVERGED, FAILED = 1, 0
@@ -119,7 +119,7 @@ def band_of(around, k, ray):
     return TANGENT_BAND * max(np.sqrt(ax * ax + ay * ay + az * az), around[k, 3])
 
 
-@outlined
+@inner(outlined=True)
 def newton(patch, ray, u, v, t, side_u, side_v):
     """Solve S(u, v) = o + t d from a start, to the last digits that rounding leaves.
 
@@ -171,7 +171,7 @@ def newton(patch, ray, u, v, t, side_u, side_v):
     return FAILED, u, v, t, MAX_STEPS, n_dot_d, gain_u, gain_v
 
 
-@outlined
+@inner(outlined=True)
 def approach(patch, ray, u, v, u0, u1, v0, v1, steps):
     """Move (u, v) within a rectangle so that S(u, v) lies beside the ray; return u, v, t, gap, |n.d|.
 
@@ -244,7 +244,7 @@ def is_inside_loops(i, u, v, t, trim, patch, ray, rays, best):
     return is_hit, edge * to_world / np.sqrt(dx * dx + dy * dy + dz * dz)
 
 
-@outlined
+@inner(outlined=True)
 def doubt_piece(i, t, reach, u, v, hu, hv, patch, ray, rays, best):
     """Note that the patch, within hu and hv of (u, v), passes the ray at t within ``reach``."""
     if not may_be_kept(patch.trim, patch.row, u, v, hu, hv):
@@ -254,7 +254,7 @@ def doubt_piece(i, t, reach, u, v, hu, hv, patch, ray, rays, best):
     )  # fmt: skip
 
 
-@outlined
+@inner(outlined=True)
 def offer_root(i, u, v, t, n_dot_d, patch, ray, rays, best):
     """Offer a root within the patch as a hit of ray i; tell whether it may be one."""
     ox, oy, oz, dx, dy, dz, shift, to_world = ray
@@ -285,7 +285,7 @@ def offer_root(i, u, v, t, n_dot_d, patch, ray, rays, best):
     return t_world > t_min[i]
 
 
-@outlined
+@inner(outlined=True)
 def offer_border(
     i, u, v, t, n_dot_d, gain_u, gain_v, patch, ray, band, is_owner, rays, best
 ):  # fmt: skip

@@ -41,7 +41,7 @@ from hybrid_rt.intersection.kernels.search.counters import CELLS, NEWTONS, NODES
 from hybrid_rt.intersection.kernels.search.frame import FrameRay, begin_of, end_of, enter_frame
 from hybrid_rt.intersection.kernels.search.tolerances import BORDER_SLACK, OWNED
 from hybrid_rt.intersection.kernels.search.tree import CHILD, COUNT, box_ray, cut_key, descend
-from meshing.kernels.jit import hot_kernel, inlined
+from meshing.kernels.jit import inlined, kernel
 
 
 class PatchTable(NamedTuple):
@@ -144,7 +144,7 @@ def solve_cell(i, cell, table, basis, ray, t_lo, t_cut, rays, best, quartered):
     return SETTLED, t_root, 1, steps
 
 
-@hot_kernel
+@kernel
 def trace_patches(table, tree, rays, aside, guess, best, any_hit, scratch, t_guess, counters):
     """Lower ``best`` to the first hits on the patches, but for the doubts that are queued.
 
@@ -274,7 +274,7 @@ def _side_of(table, k, u0, u1, v0, v1):
     )  # fmt: skip
 
 
-@hot_kernel
+@kernel
 def settle_doubts(table, rays, aside, best, any_hit, scratch, n_doubts, counters):
     """Search the cells that `trace_patches` has queued, and lower ``best`` to what they hold."""
     middle, to_frame, record, queue = table.middle, table.to_frame, table.record, scratch.queue
