@@ -171,8 +171,10 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
         is_degenerate = False
         if guu > least_u and gvv > least_v and length * length > CLEAR_SINE * guu * gvv:
             nx, ny, nz = nx / length, ny / length, nz / length
+        elif table.rational:
+            nx, ny, nz, is_degenerate = unit_normal(control, start[k], m, n, u, v, True)
         else:
-            nx, ny, nz, is_degenerate = unit_normal(control, start[k], m, n, u, v, table.rational)
+            nx, ny, nz, is_degenerate = unit_normal(control, start[k], m, n, u, v, None)
         out.patch_id[i] = table.patch_id[k]
         out.u[i], out.v[i] = u, v
         # First the centre, without a rounding but that of its own coordinates, however large the frame is.
@@ -195,7 +197,8 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
         # Objects' middles are within 1 of the frame's, their diameters within 2, |d| within 2.
         about = TANGENT_BAND * (abs(hx) + abs(hy) + abs(hz) + 2.0 * abs(shift) + 3.0)
         far_u, far_v, room = about * about * gvv * dd, about * about * guu * dd, det * det
-        if sure_side(table.trim, k, u, v, far_u, far_v, room) == CROSSED:
+        is_trimmed = table.trim.member.shape[0] > 0
+        if is_trimmed and sure_side(table.trim, k, u, v, far_u, far_v, room) == CROSSED:
             band = band_of_ray(table.trim, k, ox - shift * dx, oy - shift * dy, oz - shift * dz)
             _, is_within, edge = decide(
                 table.trim, k, u, v, ux, uy, uz, vx, vy, vz, dx, dy, dz, band
@@ -225,7 +228,7 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
             is_degenerate or not (is_alone and du <= in_u and dv <= in_v)
         ):
             best.tangent[i] = SUSPECT
-            if table.trim is None:
+            if not is_trimmed:
                 error = max(best.t_bound[i] * table.to_frame * slope, residual)
                 is_closed, open_by = _is_closed_around(
                     table.bend, k, ox, oy, oz, dx, dy, dz, x, y, z, band, error

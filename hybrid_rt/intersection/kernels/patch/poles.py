@@ -66,7 +66,7 @@ def _turn(net, degree_u, degree_v, side, rational, out):
         k = last_b - b if side % 2 else b
         for a in range(last_a + 1):
             i, j = (a, k) if along_u else (k, a)
-            w = 1.0 if rational is None else net[i, j, 3]
+            w = 1.0 if rational is None or not rational else net[i, j, 3]
             x, y = net[i, j, 0], net[i, j, 1]
             if a == 0 and b == 0:
                 p, q = x / w, y / w
