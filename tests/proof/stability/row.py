@@ -29,7 +29,7 @@ IDS = tuple(
         ("E", 11),
         ("F", 15),
         ("H", 3),
-        ("L", 15),
+        ("L", 16),
     )
     for number in range(1, count + 1)
 )
