@@ -131,14 +131,19 @@ class PhotonTracer:
     def groups(self, photons_per_pass: int) -> list[Group]:
         """Allot the photons of a pass to lights by power; every light that emits gets some."""
         power, groups = self._powers, list[Group]()
+        share = self._shares(power / power.sum()) if power.any() else power
         aimed_share = AIMED_SHARE if self._targets.radius.size else 0.0
         for light in np.flatnonzero(power > 0.0):
-            n = max(round(photons_per_pass * power[light] / power.sum()), 2)
+            n = max(round(photons_per_pass * share[light]), 2)
             n_aimed = round(aimed_share * n)
             kinds = (False, True) if n_aimed else (False,)
             for is_aimed in kinds:
                 groups.append(Group(len(groups), int(light), is_aimed, n - n_aimed, n_aimed))
         return groups
+
+    def _shares(self, by_power: FloatArray) -> FloatArray:
+        """Return which part of the photons each light gets, from the parts by power."""
+        return by_power
 
     def shoot(
         self, group: Group, pass_number: int, first: int, stop: int, dimension: int, least: int
