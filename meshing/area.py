@@ -8,19 +8,16 @@ cells are approximate.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Protocol, TypeAlias
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from meshing.checks import FloatArray
+from meshing.checks import FloatArray, IdArray
 from meshing.spans import across, within_patch
 
 # Cells along u and v of one patch. The density within a cell varies as |S_u x S_v| does there:
 # by a few percent for a bicubic patch.
 CELLS = 16
-
-IdArray: TypeAlias = NDArray[np.int64]
 
 
 class Patches(Protocol):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from meshing.bpt import read_patches, write_patches
-from meshing.checks import BoolArray, FloatArray, as_affine, as_path, freeze
+from meshing.checks import FloatArray, IdArray, as_affine, as_path, freeze
 from meshing.double_double import Pair, affine_image
 from meshing.kernels import bernstein, subdivision
 from meshing.nets import as_nets, as_weights, check_finite, degrees_in_words, is_rational
@@ -313,15 +313,11 @@ class BezierPatches(ParametricSurface):
         return boxes
 
     def transformed(self, matrix: ArrayLike) -> BezierPatches:
-        """Return the image under an affine map, with the same (u, v).
+        """Return the image under an affine map; see `meshing.surface.Surface.transformed`.
 
-        Parameters
-        ----------
-        matrix : (4, 4) array
-            Acts on columns (x, y, z, 1); last row (0, 0, 0, 1); not singular. It is applied to
-            the control points, in double-double: rays meet the image of the surface itself, not that
-            of rounded points. Weights do not change.
-            The normal stays along S_u x S_v, so a reflection moves it to the other side.
+        The matrix is applied to the control points, in double-double: rays meet the image of the surface
+        itself, not that of rounded points. The normal stays along S_u x S_v, so a reflection moves it to
+        the other side.
         """
         linear, shift = as_affine(matrix, "BezierPatches")
         left = np.concatenate([net.reshape(-1, 3) for net in self.remainders])
@@ -348,31 +344,30 @@ class BezierPatches(ParametricSurface):
     def _with_control(self, control: FloatArray) -> BezierPatches:
         return BezierPatches(self._nets_of(control))
 
-    def _fill(
-        self,
-        ids: NDArray[np.int64],
-        u: FloatArray,
-        v: FloatArray,
-        order_u: int,
-        order_v: int,
-        out: FloatArray,
-    ) -> None:
+    def _derivatives(
+        self, u: FloatArray, v: FloatArray, patch_id: IdArray, order_u: int, order_v: int
+    ) -> FloatArray:
+        out = np.empty((u.size, 3))
         bernstein.evaluate_patches(
-            self._net, self._starts, self._degrees, ids, u, v, order_u, order_v, self._rational,
-            out,
+            self._net, self._starts, self._degrees, patch_id, u, v, order_u, order_v,
+            self._rational, out,
         )  # fmt: skip
+        return out
 
-    def _fill_normals(
-        self,
-        ids: NDArray[np.int64],
-        u: FloatArray,
-        v: FloatArray,
-        out: FloatArray,
-        is_degenerate: BoolArray,
-    ) -> None:
+    def _normals(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        out, is_degenerate = np.empty((u.size, 3)), np.empty(u.size, np.bool_)
         bernstein.normals_of_patches(
-            self._net, self._starts, self._degrees, ids, u, v, self._rational, out, is_degenerate
+            self._net,
+            self._starts,
+            self._degrees,
+            patch_id,
+            u,
+            v,
+            self._rational,
+            out,
+            is_degenerate,
         )
+        return out
 
 
 class RationalPatches(BezierPatches):
@@ -461,15 +456,8 @@ class RationalPatches(BezierPatches):
     def _with_control(self, control: FloatArray) -> RationalPatches:
         return RationalPatches(self._nets_of(control), self.weights)
 
-    def _fill(
-        self,
-        ids: NDArray[np.int64],
-        u: FloatArray,
-        v: FloatArray,
-        order_u: int,
-        order_v: int,
-        out: FloatArray,
-    ) -> None:
-        super()._fill(ids, u, v, order_u, order_v, out)
-        if order_u == order_v == 0:
-            out += self._centres[ids]
+    def _derivatives(
+        self, u: FloatArray, v: FloatArray, patch_id: IdArray, order_u: int, order_v: int
+    ) -> FloatArray:
+        out = super()._derivatives(u, v, patch_id, order_u, order_v)
+        return out + self._centres[patch_id] if order_u == order_v == 0 else out

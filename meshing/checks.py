@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 BoolArray: TypeAlias = NDArray[np.bool_]
 FloatArray: TypeAlias = NDArray[np.float64]
+IdArray: TypeAlias = NDArray[np.int64]
 
 # A matrix that squeezes one direction by more than this against another leaves only roundings.
 SMALLEST_SQUEEZE = 8.0 * 2.0**-52
@@ -336,43 +337,24 @@ def as_similarity(
 
 
 def broadcast_parameters(
-    u: ArrayLike, v: ArrayLike, patch_id: ArrayLike, n_patches: int, name: str
-) -> tuple[FloatArray, FloatArray, NDArray[np.int64], tuple[int, ...]]:
-    """Broadcast parameters and flatten them; check that the patches exist.
-
-    Parameters
-    ----------
-    u, v : float array-like
-    patch_id : int array-like
-    n_patches : int
-    name : str
-        Name of ``patch_id`` in messages.
-
-    Returns
-    -------
-    u, v : (n,) float64
-    ids : (n,) int64
-    shape : tuple of int
-        What they broadcast to; its product is n.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If they do not broadcast, or there is no such patch.
-    """
-    refuse_mask(patch_id, name)
+    u: ArrayLike, v: ArrayLike, patch_id: ArrayLike, n_patches: int
+) -> tuple[FloatArray, FloatArray, IdArray, tuple[int, ...]]:
+    """Return u, v and patches flat, (n,), and the shape that they broadcast to."""
+    refuse_mask(patch_id, "patch_id")
     ids = np.asarray(patch_id)
     if ids.dtype.kind not in "iu":
-        raise TypeError(f"{name} has type {ids.dtype}: pass whole numbers")
+        raise TypeError(f"patch_id has type {ids.dtype}: pass whole numbers")
     if ids.size and not (ids.min() >= 0 and ids.max() < n_patches):
         bad = ids[(ids < 0) | (ids >= n_patches)].flat[0]
-        raise ValueError(f"{name} is {bad}: pass 0 to {n_patches - 1}, this surface has no others")
+        raise ValueError(
+            f"patch_id is {bad}: pass 0 to {n_patches - 1}, this surface has no others"
+        )
     u, v = as_floats(u, "u"), as_floats(v, "v")
     try:
         shape = np.broadcast_shapes(u.shape, v.shape, ids.shape)
     except ValueError:
         raise ValueError(
-            f"u, v and {name} have shapes {u.shape}, {v.shape} and {ids.shape}: pass one number or "
+            f"u, v and patch_id have shapes {u.shape}, {v.shape} and {ids.shape}: pass one number or "
             "as many of each"
         ) from None
     # Copies: kernels take contiguous arrays that own their memory.

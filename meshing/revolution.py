@@ -8,11 +8,12 @@ from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from meshing.checks import (
     BoolArray,
     FloatArray,
+    IdArray,
     as_affine,
     as_direction,
     as_similarity,
@@ -287,19 +288,10 @@ class SurfaceOfRevolution(ParametricSurface):
         return freeze(np.array(boxes))
 
     def transformed(self, matrix: ArrayLike) -> SurfaceOfRevolution:
-        """Return the image under a similarity, with the same (u, v).
+        """Return the image under a similarity; see `meshing.surface.Surface.transformed`.
 
-        Parameters
-        ----------
-        matrix : (4, 4) array
-            Acts on columns (x, y, z, 1): rotation, shift, uniform scale, reflection. A reflection
-            reverses the axis of the image, and the axial positions change sign, because u stays a
-            right-handed angle about the axis.
-
-        Raises
-        ------
-        ValueError, TypeError
-            For any other matrix.
+        A reflection reverses the axis of the image, and the axial positions change sign, because u stays a
+        right-handed angle about the axis.
         """
         orthogonal, shift, scale, is_reflection = as_similarity(
             matrix,
@@ -350,21 +342,17 @@ class SurfaceOfRevolution(ParametricSurface):
         made._keep(self.remainder, self.moved)
         return made
 
-    def _fill(
-        self,
-        ids: NDArray[np.int64],
-        u: FloatArray,
-        v: FloatArray,
-        order_u: int,
-        order_v: int,
-        out: FloatArray,
-    ) -> None:
+    def _derivatives(
+        self, u: FloatArray, v: FloatArray, patch_id: IdArray, order_u: int, order_v: int
+    ) -> FloatArray:
+        out = np.empty((u.size, 3))
         lathe.evaluate_lathe(
-            self._profile, self._starts, self._frame, ids, self._turns(u), v, order_u, order_v,
+            self._profile, self._starts, self._frame, patch_id, self._turns(u), v, order_u, order_v,
             self.is_rational or None, out,
         )  # fmt: skip
         if not self.is_whole_turn:
             out *= (self.u_range[1] - self.u_range[0]) ** order_u
+        return out
 
     def _turns(self, u: FloatArray) -> FloatArray:
         """Return u in whole turns from the reference."""
@@ -377,15 +365,10 @@ class SurfaceOfRevolution(ParametricSurface):
         )
         return turns
 
-    def _fill_normals(
-        self,
-        ids: NDArray[np.int64],
-        u: FloatArray,
-        v: FloatArray,
-        out: FloatArray,
-        is_degenerate: BoolArray,
-    ) -> None:
+    def _normals(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        out, is_degenerate = np.empty((u.size, 3)), np.empty(u.size, np.bool_)
         lathe.normals_of_lathe(
-            self._profile, self._starts, self._frame, ids, self._turns(u), v,
+            self._profile, self._starts, self._frame, patch_id, self._turns(u), v,
             self.is_rational or None, out, is_degenerate,
         )  # fmt: skip
+        return out

@@ -13,8 +13,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from meshing.area import CELLS, CellSampler, IdArray, Patches, stretch_of
-from meshing.checks import BoolArray, FloatArray
+from meshing.area import CELLS, CellSampler, Patches, stretch_of
+from meshing.checks import BoolArray, FloatArray, IdArray
 from meshing.kernels.trims import CROSSED, OUTSIDE
 from meshing.spans import across, within_patch
 

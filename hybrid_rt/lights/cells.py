@@ -15,7 +15,8 @@ from hybrid_rt.shading.kernels.cell_tree import (
     density_of_cells,
     sample_cells,
 )
-from meshing.area import CELLS, CellSampler, Grid, IdArray, Triangles, Weighted
+from meshing.area import CELLS, CellSampler, Grid, Triangles, Weighted
+from meshing.checks import IdArray
 from meshing.surface import Surface
 from meshing.trimmed_area import TrimmedCells
 

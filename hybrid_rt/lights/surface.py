@@ -15,7 +15,8 @@ from hybrid_rt.primitives import Box, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.shading.kernels.light_kinds import RECTANGLE, SPHERE, LightPoints
 from hybrid_rt.shading.kernels.shining_faces import Faces, angle_of_faces, sample_faces
 from hybrid_rt.textures.texture import Texture
-from meshing.area import AreaSampler, IdArray, Weighted
+from meshing.area import AreaSampler, Weighted
+from meshing.checks import IdArray
 from meshing.surface import Surface
 from meshing.trimmed import TrimmedSurface
 
