@@ -68,15 +68,7 @@ def is_very_uneven(texture: Texture) -> bool:
 
 
 def by_brightness(surface: Surface, texture: Texture) -> Weighted:
-    """Return the cells of a lamp, each chosen by its area times its brightness.
-
-    Parameters
-    ----------
-    surface : Surface
-        Bounded, of an area above 0.
-    texture : Texture
-        Its radiance, for which `is_very_uneven` holds.
-    """
+    """Return the cells of a bounded lamp, each chosen by its area times its brightness."""
     assert isinstance(texture, ImageTexture)
     sampler = cells_of(surface, CELLS_A_SIDE if len(surface) == 1 else 1)
     small = compile_textures([_averaged(texture)])

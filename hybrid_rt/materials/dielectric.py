@@ -92,11 +92,6 @@ class Dielectric(Material):
         further = {"schlick": True} if schlick else {}
         return call(self, ior, **changed(lobe), **further)
 
-    @property
-    def lobes(self) -> tuple[Lobe, ...]:
-        """Return the single dielectric lobe."""
-        return self._lobes
-
 
 def changed(lobe: Lobe) -> dict[str, Any]:
     """Return those of absorption, tint and priority of a body's lobe that are not as by default."""

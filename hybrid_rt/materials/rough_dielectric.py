@@ -78,8 +78,3 @@ class RoughDielectric(Material):
         """Return the call that makes it."""
         (lobe,) = self._lobes
         return call(self, lobe.number[0], roughness=math.sqrt(lobe.number[-1]), **changed(lobe))
-
-    @property
-    def lobes(self) -> tuple[Lobe, ...]:
-        """Return the single dielectric lobe."""
-        return self._lobes

@@ -12,9 +12,9 @@ import numpy as np
 
 from hybrid_rt.core.checks import FARTHEST
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
-from hybrid_rt.lights.light import Environment, LightRow
+from hybrid_rt.lights.light import BLACK, Environment, LightRow
 from hybrid_rt.lights.surface import ShiningSurface, shining_surface, with_shape
-from hybrid_rt.lights.table import compile_environment, compile_lights
+from hybrid_rt.lights.table import compile_lights
 from hybrid_rt.lights.unevenness import Brightness, brightness
 from hybrid_rt.materials.material import Material
 from hybrid_rt.materials.table import color_factor, compile_materials
@@ -205,11 +205,12 @@ def compile_scene(scene: Scene) -> CompiledScene:
     n_before = textures.kind.size - len(pictures)
     numbers = iter(range(n_before, textures.kind.size))
     texture_of = [NOTHING if row.texture is None else next(numbers) for row in rows]
-    environment, sky = scene.environment, compile_environment(scene.environment)
+    environment = scene.environment
+    sky = BLACK if environment is None else environment.table
     shines = brightness(sky)
     if shines.mean == 0.0:
         # Else as many light samples would go to a black sky as to a lamp.
-        environment, sky = None, compile_environment(None)
+        environment, sky = None, BLACK
     return CompiledScene(
         camera=scene.camera,
         environment=environment,
