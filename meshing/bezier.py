@@ -114,17 +114,7 @@ class BezierPatches(ParametricSurface):
         weights: ArrayLike | Sequence[ArrayLike] | None = None,
         moved: float = 0.0,
     ) -> BezierPatches:
-        """Return patches whose control points are known beyond float64.
-
-        Parameters
-        ----------
-        nets : sequence of pairs of (m + 1, n + 1, 3) arrays
-            Control points, rounded, and what is left of them.
-        weights
-            As for `BezierPatches`.
-        moved : float
-            See there.
-        """
+        """Return patches whose control points, (m + 1, n + 1, 3) pairs, are known beyond float64."""
         made = BezierPatches([high for high, _ in nets], weights)
         left = np.concatenate([low.reshape(-1, 3) for _, low in nets])
         made._set_remainder(left, moved)
@@ -426,12 +416,7 @@ class RationalPatches(BezierPatches):
         return RationalPatches, (nets, [np.array(w) for w in self.weights]), self._conversion()
 
     def write(self, path: str | Path) -> None:
-        """Refuse: .bpt files have no weights.
-
-        Raises
-        ------
-        ValueError
-        """
+        """Refuse: .bpt files have no weights."""
         raise ValueError(
             f"BezierPatches file {str(path)!r}: .bpt files hold no weights; keep `patches` and "
             "`weights` in a file of your own, for instance by numpy.savez"

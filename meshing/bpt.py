@@ -54,17 +54,7 @@ class _Lines:
 
 
 def read_patches(path: str | Path) -> list[FloatArray]:
-    """Read the control nets of a .bpt file.
-
-    Returns
-    -------
-    list of (m + 1, n + 1, 3) float64
-
-    Raises
-    ------
-    ValueError
-        For a malformed file; the message names file, line and what was expected there.
-    """
+    """Return the control nets of a .bpt file, (m + 1, n + 1, 3); errors name the line and what was expected."""
     try:
         lines = _Lines(Path(path))
     except UnicodeDecodeError:

@@ -201,12 +201,9 @@ class TrimmedSurface(Surface):
         return boxes_outside(self.table, 0, boxes)
 
     def sides(self, boxes: FloatArray) -> NDArray[np.uint8]:
-        """Tell whether boxes (k, 4) u0, u1, v0, v1 are inside the loops, outside, or crossed.
+        """Tell whether boxes (k, 4) u0, u1, v0, v1 are `INSIDE` the loops, `OUTSIDE` or `CROSSED`.
 
-        Returns
-        -------
-        (k,) uint8
-            `INSIDE`, `OUTSIDE` or `CROSSED` of `meshing.kernels.trims`. The first two are proven.
+        These are of `meshing.kernels.trims`; the first two are proven.
         """
         return sides_of_boxes(self.table, 0, boxes)
 
@@ -279,13 +276,7 @@ class TrimmedSurface(Surface):
         return Curve2(curve.control * (1.0, -1.0) + (0.0, 1.0), curve.weights)
 
     def area_sampler(self) -> TrimmedCells:
-        """Return the area sampler: some points that it chooses are outside the loops.
-
-        Raises
-        ------
-        ValueError
-            If nothing of the surface is inside the loops. The caller names the surface.
-        """
+        """Return the area sampler: some points that it chooses are outside the loops."""
         return self._area_sampler
 
     @cached_property

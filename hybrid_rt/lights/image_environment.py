@@ -59,8 +59,7 @@ class ImageEnvironment(Environment):
 def _shares(texels: NDArray[np.float32]) -> tuple[FloatArray, FloatArray]:
     """Return the shares of rows and of texels within rows, each summed up from 0 to 1.
 
-    A texel counts with the mean over its neighbours too: between texels radiance is bilinear, and
-    nothing that shines may be left out.
+    A texel counts with the mean over its neighbours too, as radiance is bilinear.
     """
     bright = texels.mean(axis=2, dtype=np.float64)
     around = np.pad(bright, ((0, 0), (1, 1)), mode="wrap")

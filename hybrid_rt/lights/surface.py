@@ -85,10 +85,7 @@ class ShiningSurface:
 
 
 class ShiningSphere(ShiningSurface):
-    """A sphere as an area light: seen from points on the sphere itself it is sampled by area.
-
-    Within a sphere the two cosines over the squared distance are constant.
-    """
+    """A sphere as an area light, sampled by area from its own points: there that is even."""
 
     def __init__(self, surface: Sphere, sampler: AreaSampler) -> None:
         super().__init__(surface, sampler)

@@ -37,9 +37,8 @@ class Brightness(NamedTuple):
 def brightness(sky: EnvironmentTable) -> Brightness:
     """Return how brightly and how unevenly the sky shines.
 
-    Texels count as even, though the sky is bilinear between their centres: for noise from texel to texel the
-    unevenness is up to half as large again as what is seen, and the mean is off where poles differ from
-    their neighbours.
+    Texels count as even, though the sky is bilinear: for noise from texel to texel the unevenness is up to half
+    as large again as what is seen, and the mean is off where poles differ from their neighbours.
     """
     if sky.kind == PICTURE:
         radiance = sky.texel.mean(axis=2, dtype=np.float64)

@@ -157,32 +157,11 @@ class Box(Surface):
 
 
 class TurnedBox(Box):
-    """A parallelepiped, as `Box.transformed` makes it.
+    """A parallelepiped, as `Box.transformed` makes it: a corner, and its three edges as rows.
 
-    Faces and (u, v) are those of `Box` along its own edges. If these are left-handed, u and v are
-    swapped, as normals stay outward.
-
-    Parameters
-    ----------
-    corner : (3,) scene units
-    edges : (3, 3) scene units
-        Rows: the three edges from ``corner``.
-    orientation : {1, -1}
-        -1: normals point inward.
-
-    Attributes
-    ----------
-    handedness : int
-        1 if the edges are right-handed, else -1.
-    across : (3, 3) float64
-        Rows: unit normals of the upper faces, away from the lower ones.
-    depths : (3,) float64
-        Distance of each pair of faces, scene units.
-
-    Raises
-    ------
-    ValueError
-        If corner or edges are not finite, or the edges are coplanar.
+    Faces and (u, v) are those of `Box` along its own edges. If these are left-handed (`handedness` -1), u and
+    v are swapped, as normals stay outward, or with an orientation of -1 inward. `across` (3, 3) has the unit
+    normals of the upper faces, away from the lower ones, `depths` (3,) the distances between both.
     """
 
     is_upright = False

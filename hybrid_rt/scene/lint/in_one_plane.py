@@ -35,13 +35,8 @@ MOST_PAIRS = 200
 def surfaces_in_one_plane(scene: CompiledScene) -> list[list[str]]:
     """Return the pairs of surfaces that overlap in one plane and differ, by name.
 
-    They are of two opaque materials, or shine to the same side with different radiance. These are two rectangles, trimmed or not, or one within a face of a box. (A box may well stand on a
-    rectangle that is larger than its face, or on a box.) Of trimmed ones that part counts that is inside
-    the loops.
-
-    Parameters
-    ----------
-    scene : CompiledScene
+    They are of two opaque materials, or shine to the same side with different radiance: two rectangles, trimmed
+    or not, or one within a face of a box. (A box may well stand on a larger rectangle, or on a box.)
     """
     is_clear = scene.materials_with(TRANSMITS)
     opaque = {
@@ -165,10 +160,7 @@ def _is_on(surface: Surface, u: FloatArray, v: FloatArray) -> BoolArray:
 
 
 def _on_a_face(box: Surface, corners: FloatArray) -> BoolArray:
-    """Tell which rectangles (n, 4, 3) lie within a face of a box.
-
-    In the box's own frame, in which it is the unit cube, their corners lie within it, all on one face.
-    """
+    """Tell which rectangles (n, 4, 3) lie within a face of a box: in its frame, on one of the unit cube."""
     assert isinstance(box, Box)
     place = (corners - box.lo) @ np.linalg.inv(box.edges)
     slack = SLACK * np.abs(corners).max(initial=0.0) / np.linalg.norm(box.edges, axis=1).min()

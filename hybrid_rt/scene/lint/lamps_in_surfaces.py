@@ -39,70 +39,34 @@ MOST_FACES = 3
 
 @dataclass(frozen=True)
 class Sunken:
-    """A light that coincides with another surface.
+    """A light that coincides with another surface."""
 
-    Attributes
-    ----------
-    light : int
-        Its row in the light table.
-    lamp, surface : str
-        Names of the light and of the surface.
-    partner : int
-        Row in the light table of the other surface; `NOTHING` if that is not a light.
-    share : float
-        Approximate fraction of the light's area that coincides.
-    way : (3,) float64, or None
-        Direction in which to move it; None: there is none.
-    """
-
-    light: int
-    lamp: str
-    surface: str
-    partner: int
-    share: float
-    way: FloatArray | None
+    light: int  # its row in the light table
+    lamp: str  # its name
+    surface: str  # that of the other surface
+    partner: int  # row in the light table of the other surface; `NOTHING` if that is not a light
+    share: float  # about the part of the light's area that coincides
+    way: FloatArray | None  # (3,), where to move it; None: nowhere
 
 
 @dataclass(frozen=True)
 class LampInSurface:
-    """A lamp that coincides with a surface, for the report.
-
-    Attributes
-    ----------
-    lamp, surface : str
-        Their names.
-    share : float
-        Of the lamp's area, the part that lies in the surface.
-    lifted_by : float
-        Offset by which the lamp was moved, scene units; 0: it could not be moved.
-    """
+    """A lamp that coincides with a surface, for the report."""
 
     lamp: str
     surface: str
-    share: float
-    lifted_by: float = 0.0
+    share: float  # of the lamp's area, the part that lies in the surface
+    lifted_by: float = (
+        0.0  # offset by which the lamp was moved, scene units; 0: it could not be moved
+    )
 
 
 def with_lamps_lifted(
     scene: Scene, compiled: CompiledScene, build: Callable[[CompiledScene], Intersector]
 ) -> tuple[CompiledScene, Intersector, list[LampInSurface]]:
-    """Offset all coincident lights; return the scene, its tracer, and notes for the report.
+    """Offset all coincident lights; return the scene, its tracer, and a note for each of them.
 
-    Parameters
-    ----------
-    scene : Scene
-    compiled : CompiledScene
-        ``scene``, compiled.
-    build : callable
-        Builds the tracer over a compiled scene.
-
-    Returns
-    -------
-    compiled : CompiledScene
-        Unchanged if no light coincides with a surface.
-    tracer : Intersector
-    notes : list of LampInSurface
-        One for each coincident light. If it could not be moved, a warning is logged as well.
+    ``build`` makes the tracer over a compiled scene. A light that cannot be moved is logged as a warning as well.
     """
     tracer = build(compiled)
     notes: dict[int, LampInSurface] = {}  # by row in the light table, as names may be alike
@@ -145,14 +109,7 @@ def sunken_lamps(scene: CompiledScene, tracer: Intersector) -> list[Sunken]:
     """Return the lights that coincide with surfaces other than dielectrics.
 
     Points spread evenly over each light are tested, so an overlap of less than a hundredth of its
-    area may be missed. Coincident dielectrics are handled by
-    `hybrid_rt.integrators.media.contacts`.
-
-    Parameters
-    ----------
-    scene : CompiledScene
-    tracer : Intersector
-        Over its surfaces.
+    area may be missed. Coincident dielectrics are handled by `hybrid_rt.integrators.media.contacts`.
     """
     if not scene.surfaces:
         return []
