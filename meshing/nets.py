@@ -88,17 +88,17 @@ def as_weights(
 
 
 def check_weights(weights: FloatArray, what: str) -> None:
-    """Refuse weights (m + 1, n + 1) that leave no convex hull."""
-    for i, j in np.argwhere(~(np.isfinite(weights) & (weights > 0.0)))[:1]:
+    """Refuse weights of a curve or patch that leave no convex hull."""
+    for at in np.argwhere(~(np.isfinite(weights) & (weights > 0.0)))[:1].tolist():
         raise ValueError(
-            f"{what} is {weights[i, j]:g} at ({i}, {j}): pass finite numbers above 0 (a surface "
-            "with others may leave the convex hull of its control points)"
+            f"{what} is {weights[tuple(at)]:g} at {at[0] if len(at) == 1 else tuple(at)}: pass finite "
+            "numbers above 0 (with others, what they weight may leave the convex hull of its points)"
         )
     least, most = float(weights.min()), float(weights.max())
     if not least >= LEAST_RATIO * most:
         raise ValueError(
             f"{what} lies between {least:g} and {most:g}, more than {1.0 / LEAST_RATIO:g} apart: "
-            "pass weights of one patch closer together (subdivide it first)"
+            "pass weights closer together (subdivide the patch or segment first)"
         )
 
 

@@ -27,6 +27,7 @@ from meshing.kernels import lathe, subdivision
 from meshing.nets import degrees_in_words
 from meshing.parametric import ParametricSurface
 from meshing.profiles import (
+    PROFILE,
     as_part,
     as_segments,
     as_weights,
@@ -101,8 +102,13 @@ class SurfaceOfRevolution(ParametricSurface):
         along = as_direction(axis, "SurfaceOfRevolution axis")
         radial = direction_across(along, reference, "SurfaceOfRevolution reference")
         place = as_vector(origin, "SurfaceOfRevolution origin")
-        segments = as_segments(profile)
-        self._set(segments, place, along, radial, as_weights(weights, segments), as_part(u_range))
+        segments = as_segments(profile, PROFILE, "(axial position, radius)", 2)
+        # Where they are equal nothing is divided.
+        heavy = tuple(
+            None if w is None or (w == w[0]).all() else w
+            for w in as_weights(weights, segments, "SurfaceOfRevolution weights")
+        )
+        self._set(segments, place, along, radial, heavy, as_part(u_range))
         given = as_vector(axis, "SurfaceOfRevolution axis")
         exact, _ = unit_of(pair_of(np.ldexp(given, -math.frexp(float(np.abs(given).max()))[1])))
         self._keep(np.stack([np.zeros(3), (exact[0] - along) + exact[1]]), 0.0)
