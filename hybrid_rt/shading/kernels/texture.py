@@ -97,19 +97,9 @@ def texture_color(textures, row, u, v, x, y, z):
 
 @kernel
 def lobe_colors(textures, lobe_texture, factor, first_lobe, material, u, v, position, colors):
-    """Look up the colours of the lobes of each hit.
+    """Look up ``colors`` (n, most lobes, 3) of the lobes of each hit; not of negative materials.
 
-    Parameters
-    ----------
-    textures : TextureTable
-    lobe_texture, factor : (lobes,)
-        Texture of each lobe, int32, and the factor on its colour, float64.
-    first_lobe : (materials + 1,) int32
-    material : (n,) int32
-        Rows with a negative material are left unchanged.
-    u, v : (n,) float64
-    position : (n, 3) float64
-    colors : (n, lobes of a material at most, 3) float64, written
+    Each lobe has a texture, and a factor on its colour.
     """
     for i in range(material.size):
         if material[i] < 0:
