@@ -131,7 +131,7 @@ def pieces_of(net: FloatArray) -> FloatArray:
     return plain
 
 
-def check_segments(segments: list[FloatArray], weights: tuple[FloatArray | None, ...]) -> None:
+def check_segments(segments: Sequence[FloatArray], weights: Sequence[FloatArray | None]) -> None:
     """Check that radii are not negative, that segments join and have an extent."""
     points = np.concatenate(segments)
     rounding = radius_rounding(segments)
