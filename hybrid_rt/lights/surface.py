@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property, singledispatch
+from functools import cached_property
 
 import numpy as np
 
@@ -207,29 +207,14 @@ def shining_surface(surface: Surface, radiance: Texture | None = None) -> Shinin
     return ShiningSurface(surface, sampler)
 
 
-@singledispatch
-def with_shape(surface: Surface, row: LightRow, is_even: bool) -> LightRow:
-    """Return the row of a light as a shape that kernels sample directly, if its surface is one.
-
-    Each class with such a shape registers a conversion; others stay lights of kind `SURFACE`.
-    """
-    del surface, is_even
-    return row
-
-
-@with_shape.register(Rectangle)
-def _rectangle(surface: Rectangle, row: LightRow, is_even: bool) -> LightRow:
-    if not is_even and row.texture is not None and is_very_uneven(row.texture):
-        return row
-    return replace(
-        row, kind=RECTANGLE, origin=surface.corner, edge_u=surface.edge_u, edge_v=surface.edge_v
-    )
-
-
-@with_shape.register(Sphere)
-def _sphere(surface: Sphere, row: LightRow, is_even: bool) -> LightRow:
+def with_shape(surface: Surface, row: LightRow) -> LightRow:
+    """Return the row of a light as a shape that kernels sample directly, if its surface is one."""
+    texture = row.texture
+    if isinstance(surface, Rectangle) and (texture is None or not is_very_uneven(texture)):
+        u, v = surface.edge_u, surface.edge_v
+        return replace(row, kind=RECTANGLE, origin=surface.corner, edge_u=u, edge_v=v)
     # From outside, a sphere that shines evenly is better chosen from by the angle it is seen under.
-    if surface.orientation < 0 or not is_even:
-        return row
-    size = np.array([surface.radius, 0.0, 0.0])
-    return replace(row, kind=SPHERE, origin=surface.center, edge_u=size)
+    if isinstance(surface, Sphere) and surface.orientation > 0 and texture is None:
+        size = np.array([surface.radius, 0.0, 0.0])
+        return replace(row, kind=SPHERE, origin=surface.center, edge_u=size)
+    return row

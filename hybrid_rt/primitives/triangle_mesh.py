@@ -72,14 +72,10 @@ class TriangleMesh(Surface):
                 f"TriangleMesh mesh is {file}: of a file, take TriangleMesh.read({file})"
             )
         if not has(mesh, "vertices", "faces"):
+            of_scene = "; of a scene: SCENE.to_mesh(), or one mesh for each part of SCENE.dump()"
             raise TypeError(
                 f"TriangleMesh mesh is {shown(mesh)}: pass a trimesh.Trimesh, or what has vertices "
-                "and faces"
-                + (
-                    "; of a scene: SCENE.to_mesh(), or one mesh for each part of SCENE.dump()"
-                    if has(mesh, "to_mesh", "dump")
-                    else ""
-                )
+                "and faces" + of_scene * has(mesh, "to_mesh", "dump")
             )
         refuse_mask(mesh.faces, "TriangleMesh faces")
         faces = np.array(mesh.faces)

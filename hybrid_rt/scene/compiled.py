@@ -207,7 +207,7 @@ def _shining_object(
     item: Object, radiance: Texture, called: str
 ) -> tuple[LightRow, ShiningSurface | None]:
     """Return the light that an object is, and what chooses its points unless the kernels do."""
-    surface, nothing = item.surface, np.zeros(3)
+    surface = item.surface
     if surface.is_bounded and not surface.size <= FARTHEST:
         raise ValueError(
             f"{called} shines and is {surface.size:g} across: lamps may be up to {FARTHEST:g}"
@@ -218,16 +218,15 @@ def _shining_object(
         raise ValueError(f"{called} {error}") from error
     # A plane has no end: scattered rays find it, but nothing is chosen on it.
     area = 0.0 if chooser is None else chooser.area
-    strength = radiance.brightest
-    is_even = isinstance(radiance, ConstantTexture)
+    nothing = np.zeros(3)
     row = LightRow(
         kind=SURFACE,
         origin=nothing,
         edge_u=nothing,
         edge_v=nothing,
-        strength=strength,
-        texture=None if is_even else radiance,
+        strength=radiance.brightest,
+        texture=None if isinstance(radiance, ConstantTexture) else radiance,
         power=math.pi * area * float(radiance.mean.mean()),
     )
-    row = with_shape(surface, row, is_even)
+    row = with_shape(surface, row)
     return row, chooser if row.kind == SURFACE else None

@@ -95,27 +95,20 @@ def scattered(lobes, material, colors, i, nx, ny, nz, dx, dy, dz, wx, wy, wz, ra
 
 
 @inlined
-def leaves_through_face(geometric, i, direction, x, y, z):
-    """Tell whether a direction is transmitted, by the geometric normal; False if there is none, (0, 3)."""
-    if geometric.shape[0] == 0:
-        return False
-    before = (
-        geometric[i, 0] * direction[i, 0]
-        + geometric[i, 1] * direction[i, 1]
-        + geometric[i, 2] * direction[i, 2]
-    )
-    return before * (geometric[i, 0] * x + geometric[i, 1] * y + geometric[i, 2] * z) >= 0.0
-
-
-@inlined
 def is_behind(normal, direction, i, x, y, z):
-    """Tell whether a direction is transmitted, by the shading normal."""
+    """Tell whether a direction is transmitted, by a normal."""
     before = (
         normal[i, 0] * direction[i, 0]
         + normal[i, 1] * direction[i, 1]
         + normal[i, 2] * direction[i, 2]
     )
     return before * (normal[i, 0] * x + normal[i, 1] * y + normal[i, 2] * z) >= 0.0
+
+
+@inlined
+def leaves_through_face(geometric, i, direction, x, y, z):
+    """Tell whether a direction is transmitted, by the geometric normal; False if there is none, (0, 3)."""
+    return geometric.shape[0] > 0 and is_behind(geometric, direction, i, x, y, z)
 
 
 @inlined
@@ -126,7 +119,7 @@ def sides_differ(geometric, normal, i, direction, x, y, z):
     """
     if geometric.shape[0] == 0:
         return False
-    through = leaves_through_face(geometric, i, direction, x, y, z)
+    through = is_behind(geometric, direction, i, x, y, z)
     return through != is_behind(normal, direction, i, x, y, z)
 
 

@@ -147,11 +147,8 @@ def _sphere_point(lights, row, px, py, pz, s, t):
 
 @inlined
 def _surface_point(points, i, px, py, pz):
-    x, y, z = (
-        points.position[i, 0] - px,
-        points.position[i, 1] - py,
-        points.position[i, 2] - pz,
-    )
+    at = points.position
+    x, y, z = at[i, 0] - px, at[i, 1] - py, at[i, 2] - pz
     square = x * x + y * y + z * z
     distance = math.sqrt(square)
     facing = -(points.normal[i, 0] * x + points.normal[i, 1] * y + points.normal[i, 2] * z)

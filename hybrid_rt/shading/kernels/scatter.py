@@ -128,11 +128,7 @@ def scatter_one(
     Roulette compares throughput with the ``reference``; 0: it takes no notice of it.
     """
     material, colors, _, normal, direction, geometric, ratio = vertices
-    is_smooth, object_id, connection_pdf = (
-        connection.is_smooth,
-        connection.object_id,
-        connection.density,
-    )
+    connection_pdf = connection.density
     pdf[i] = 0.0
     if material[i] < 0:
         return LEFT
@@ -152,7 +148,7 @@ def scatter_one(
             )
     else:
         fate = SPECULAR if may_mirror else STOPPED
-        if connection_pdf.size and is_smooth[object_id[i]]:
+        if connection_pdf.size and connection.is_smooth[connection.object_id[i]]:
             connection_pdf[i] = 0.0
     # Only light that goes through a clear body's surface may pass to the other side.
     if geometric.shape[0] and leaves_through_face(geometric, i, direction, x, y, z) != is_refracted:
