@@ -74,10 +74,6 @@ class PatchSheet(ParametricSurface):
             Number of patches along u, and along v: patch p is in row ``p // columns`` and column
             ``p % columns``. All cover equal parts of the unit square.
 
-        Returns
-        -------
-        PatchSheet
-
         Raises
         ------
         ValueError, TypeError
