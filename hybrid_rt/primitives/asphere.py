@@ -274,15 +274,9 @@ class Asphere(AxialSurface):
         powers = scale ** (1.0 - 2.0 * np.arange(1, len(self.coefficients) + 1))
         axis = still_unit(sign * (turn @ self.axis), "axis")
         radial = turn @ self.radial
-        image = Asphere(
-            sign * scale * self.radius,
-            self.conic,
-            sign * self.coefficients * powers,
-            scale * self.aperture,
-            origin,
-            axis,
-            radial,
-        )
+        radius, aperture = sign * scale * self.radius, scale * self.aperture
+        coefficients = sign * self.coefficients * powers
+        image = Asphere(radius, self.conic, coefficients, aperture, origin, axis, radial)
         # Bit for bit, where a scale by a power of two leaves them.
         image.axis = freeze(axis)
         image.radial = freeze(still_unit(radial - (radial @ axis) * axis, "radial"))

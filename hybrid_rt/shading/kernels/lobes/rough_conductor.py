@@ -7,12 +7,7 @@ Walter, Marschner, Li and Torrance, "Microfacet models for refraction through ro
 import math
 
 from hybrid_rt.shading.kernels.fresnel import mirrored
-from hybrid_rt.shading.kernels.lobes.ggx import (
-    facet_area,
-    seen_and_lit,
-    stretched,
-    visible_normal,
-)
+from hybrid_rt.shading.kernels.lobes.ggx import facet_area, seen_and_lit, stretched, visible_normal
 from meshing.kernels.jit import inlined, inner
 
 # Columns of `LobeTable.number`: eta and k of three channels, then
