@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from typing import Any, TextIO
 
 from hybrid_rt.core import checks
-from hybrid_rt.core.progress import COMPILING
 from hybrid_rt.rendering.units import per_cent
 
 MODES = ("auto", "bar", "plain", "none")
@@ -28,9 +27,6 @@ MODES = ("auto", "bar", "plain", "none")
 REDRAW_INTERVAL, NOTEBOOK_INTERVAL = 0.1, 0.25
 # A log gets a line when the stage has gone on by a fifth of its time, within these limits, seconds.
 SHARE_OF_TIME, LEAST_PAUSE, LONGEST_PAUSE = 0.2, 10.0, 600.0
-# Between these parts of the kernels compiled the seconds left are said: at first kernels wait for each
-# other, and the last one may take as long as many before it.
-EVEN = (0.3, 0.9)
 # Letters; a bar shorter than the second tells less than words in its place.
 BAR_WIDTH, LEAST_BAR = 30, 10
 
@@ -95,11 +91,12 @@ class State:
 
     @property
     def numbers(self) -> str:
-        """Share done, seconds taken, seconds left."""
+        """Share done, seconds taken, seconds left, as far as they are known."""
+        if not self.total:
+            return f"... {self.seconds:.0f} s" if self.seconds >= 1.0 else "..."
         text = f"{100 * self.done // self.total:3d} %  {self.seconds:.1f} s"
-        first, last = EVEN if self.stage == COMPILING else (0.0, 1.0)
         now = self.done - self.before
-        if now > 0 and first * self.total < self.done < last * self.total:
+        if now > 0 and 0 < self.done < self.total:
             text += f", {self.seconds * (self.total - self.done) / now:.0f} s left"
         return text
 
@@ -224,7 +221,7 @@ class TerminalBar(StreamDisplay):
     def _fitted(self, state: State, width: int) -> str:
         """Return the line, with a shorter error, without its bar, or cut, as far as need be."""
         if not state.total:
-            return _cut(f"{state.stage} ...", width)
+            return _cut(f"{state.stage} {state.numbers}", width)
         for error in (self._error, self._short_error):
             words = f"{state.numbers}{error}"
             room = min(width - len(f"{state.stage} [] {words}"), BAR_WIDTH)
@@ -250,7 +247,7 @@ class PlainLines(StreamDisplay):
         if is_new:
             self._write(f"{state.stage} ...\n")
         # The end of a short stage is no news: the next begins.
-        elif state.total and state.seconds >= LEAST_PAUSE:
+        elif state.seconds >= LEAST_PAUSE:
             self._write(f"{state.stage} {state.numbers.lstrip()}{self._error}\n")
 
 

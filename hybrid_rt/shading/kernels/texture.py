@@ -83,7 +83,7 @@ def texture_color(textures, row, u, v, x, y, z):
     return number[row, first], number[row, first + 1], number[row, first + 2]
 
 
-@kernel
+@kernel(allocates=True)
 def lobe_colors(textures, lobe_texture, factor, first_lobe, material, u, v, position, colors):
     """Look up ``colors`` (n, most lobes, 3) of the lobes of each hit; not of negative materials.
 
