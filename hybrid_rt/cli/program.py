@@ -90,10 +90,7 @@ def render_script(describe: Callable[[], Scene], file: str) -> int:
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that says what an option that it does not know may have been meant to be.
-
-    Parts of names are not taken for them, as a new option may change what they mean.
-    """
+    """A parser that knows no parts of names, and says what an unknown option may have been meant to be."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **{**options, "allow_abbrev": False})
@@ -111,11 +108,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 class _Command(_Parser):
-    """A command that gets its options when it is chosen.
-
-    Integrators and outputs declare some of those of ``render``, and take a while to import, which
-    no other command has to wait for.
-    """
+    """A command that gets its options when it is chosen: to import what declares them takes a while."""
 
     add_options: Callable[[argparse.ArgumentParser], None] | None = None
     is_chosen = False
@@ -137,13 +130,7 @@ class _Command(_Parser):
 
 
 class _Program(argparse.ArgumentParser):
-    """The parser of ``hybrid-rt``, which hears of options that no command knows.
-
-    Attributes
-    ----------
-    commands : dict
-        The parsers of commands, by name.
-    """
+    """The parser of ``hybrid-rt``, which hears of options that no command knows."""
 
     commands: Mapping[str, _Command] = MappingProxyType({})
 

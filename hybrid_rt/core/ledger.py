@@ -25,13 +25,7 @@ _NUMBERS = (
 
 
 class Ledger:
-    """Seconds per stage and counts by name, summed over a render.
-
-    Parameters
-    ----------
-    now : callable
-        Clock for the stages; returns seconds.
-    """
+    """Seconds per stage, by a clock, and counts by name, summed over a render."""
 
     def __init__(self, now: Callable[[], float] = time.perf_counter) -> None:
         self.now = now

@@ -89,14 +89,7 @@ class Shown(Protocol):
 
 
 class PageServer:
-    """Serves one page; its threads do not keep the process alive.
-
-    Parameters
-    ----------
-    port : int
-    token : str
-    shown : Shown
-    """
+    """Serves one page; its threads do not keep the process alive."""
 
     def __init__(self, port: int, token: str, shown: Shown) -> None:
         try:

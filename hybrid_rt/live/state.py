@@ -27,13 +27,7 @@ COUNT_AFTER = 0.25
 
 
 class RenderState:
-    """Collects in the thread that renders; read from any thread.
-
-    Parameters
-    ----------
-    title : str
-        Name of the scene.
-    """
+    """Collects in the thread that renders; read from any thread."""
 
     def __init__(self, title: str) -> None:
         self._phase = "preparing"

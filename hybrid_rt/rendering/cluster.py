@@ -92,21 +92,8 @@ class _Seen:
 class Cluster:
     """Makes passes in other processes; sums and counts stay with the workers of this one.
 
-    Parameters
-    ----------
-    address : str
-        See `check_address`.
-    scene : Scene
-    settings : Settings
-    here : Workers
-        Of this process: they count what others counted.
-
-    Raises
-    ------
-    ClusterLost
-        If there is no scheduler, or no worker of these versions within `PATIENCE` seconds.
-    ValueError
-        If the scene cannot be sent to other processes.
+    Raises ClusterLost if there is no scheduler, or no worker of these versions within `PATIENCE` seconds,
+    and ValueError if the scene cannot be sent to other processes.
     """
 
     def __init__(self, address: str, scene: Scene, settings: Settings, here: Workers) -> None:
@@ -251,10 +238,7 @@ class Cluster:
         return _Task(first, stop, future, allowed, tries)
 
     def _next(self, hear: Callable[[], None]) -> list[Part]:
-        """Wait for the first of the tasks, and return what it made.
-
-        ``hear`` is called while nothing comes.
-        """
+        """Wait for the first of the tasks, and return what it made; call ``hear`` while nothing comes."""
         from distributed import CancelledError, KilledWorker
         from distributed.comm import CommClosedError
 

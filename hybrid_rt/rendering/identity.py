@@ -21,15 +21,7 @@ MOST_NAMED = 4
 def identity(scene: Scene, settings: Settings) -> dict[str, Any]:
     """Return what decides the bits of a pass, as `PassStore.open` takes it.
 
-    Parameters
-    ----------
-    scene : Scene
-    settings : Settings
-
-    Raises
-    ------
-    TypeError
-        If it cannot be told whether a later render has the same scene and code.
+    Raises TypeError if it cannot be told whether a later render has the same scene and code.
     """
     camera = scene.camera
     parts: dict[str, Any] = {"camera": camera, "environment": scene.environment}
@@ -56,15 +48,10 @@ def _fingerprint(value: Any, name: str) -> str:
 
 
 def differences(own: Mapping[str, Any], held: Mapping[str, Any]) -> list[str]:
-    """Say in words where two identities differ; empty if they are of the same render.
+    """Say in words where two identities differ, as JSON holds them; empty if they are of the same render.
 
-    Options that are not given are those of the integrator by default.
-
-    Parameters
-    ----------
-    own, held : dict
-        Of `identity`, as JSON holds them: of the render that is asked for ("here"), and of the one
-        in the store ("there").
+    ``own`` is what is asked for ("here"), ``held`` what the store has ("there"). Options that are not given
+    are those of the integrator by default.
     """
     found = []
     for heading in dict.fromkeys((*held, *own)):

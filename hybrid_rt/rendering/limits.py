@@ -31,13 +31,7 @@ def times_the_passes(ratio: float, power: float) -> float:
 
 
 class Clock:
-    """Wall seconds since construction, without kernel compilation.
-
-    Attributes
-    ----------
-    earlier, earlier_compilation : float
-        Those of earlier calls that made passes of the same picture.
-    """
+    """Wall seconds since construction, without kernel compilation; ``earlier`` are those of earlier calls."""
 
     def __init__(self, compilation: CompileWatch) -> None:
         self._began = time.perf_counter()
@@ -56,20 +50,7 @@ class Clock:
 
 
 class Limit:
-    """Decides before each pass whether it is to start.
-
-    Parameters
-    ----------
-    passes : int or None
-        At least 1.
-    time_budget : float or None
-        Seconds, above 0.
-    target_error : float or None
-        Estimated relative error of the picture (noise and blur), above 0. If no limit is given, 16
-        passes are made.
-    target_error_trimmed : float or None
-        The same for the error without the worst 0.1 % of the pixels.
-    """
+    """Decides before each pass whether it is to start, by the settings of these names."""
 
     def __init__(
         self,

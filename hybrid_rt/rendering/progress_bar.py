@@ -197,10 +197,7 @@ class StreamDisplay(ProgressDisplay):
 
 
 class TerminalBar(StreamDisplay):
-    """A line that is drawn anew in place, and never wider than the terminal.
-
-    Only carriage returns and spaces move and clear it, which every terminal knows.
-    """
+    """A line that is redrawn by carriage returns and spaces alone, and never wider than the terminal."""
 
     _n_shown = 0
 
