@@ -15,7 +15,6 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import IntEnum
-from types import TracebackType
 from typing import Any
 
 Came = list[tuple[int, None]]
@@ -136,13 +135,7 @@ class _Block:
             _state.level = Level.ANYWHERE
         return self.came
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        del error, trace
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if self._is_idle:
             return
         _state.level = Level.NOWHERE
