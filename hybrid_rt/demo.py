@@ -21,12 +21,6 @@ from meshing import BezierPatches, SurfaceOfRevolution
 # Four samples a pixel are one complete net each for pixel, light and sky: clean enough, and quick.
 PASSES = 4
 
-# What the picture will need, as `hybrid_rt.core.precompile` knows it; the teapot itself needs some.
-KERNELS = (
-    "bicubic patches, certified", "bicubic patches, mesh", "revolutions, certified",
-    "spheres", "rectangles", "whitted",
-)  # fmt: skip
-
 FLOOR_SIZE = 20.0
 # Pixels per tile of the drawn floor; a tile is one unit and never covers more on the screen.
 TILE_PIXELS = 64

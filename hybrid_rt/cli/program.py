@@ -263,12 +263,10 @@ def _run_demo(options: argparse.Namespace) -> None:
     from hybrid_rt import demo
     from hybrid_rt.analysis.mesh_comparison import compare_with_mesh, in_words
     from hybrid_rt.core.interrupts import heard_at_stops, held_back
-    from hybrid_rt.core.precompile import want
     from hybrid_rt.core.progress import watch_compilation
     from hybrid_rt.sensor.image_files import check_output
 
     check_output(options.out)
-    want(*demo.KERNELS)
     scene = demo.scene()
     with ExitStack() as until_saved:
         with shown_progress(options.progress) as progress:

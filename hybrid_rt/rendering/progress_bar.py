@@ -19,7 +19,6 @@ from contextlib import suppress
 from typing import Any, TextIO
 
 from hybrid_rt.core import checks
-from hybrid_rt.core.progress import COMPILING
 from hybrid_rt.rendering.units import per_cent
 
 MODES = ("auto", "bar", "plain", "none")
@@ -27,9 +26,6 @@ MODES = ("auto", "bar", "plain", "none")
 REDRAW_INTERVAL, NOTEBOOK_INTERVAL = 0.1, 0.25
 # A log gets a line when the stage has gone on by a fifth of its time, within these limits, seconds.
 SHARE_OF_TIME, LEAST_PAUSE, LONGEST_PAUSE = 0.2, 10.0, 600.0
-# Between these parts of the kernels compiled the seconds left are said: at first kernels wait for each
-# other, and the last one may take as long as many before it.
-EVEN = (0.3, 0.9)
 # Letters; a bar shorter than the second tells less than words in its place.
 BAR_WIDTH, LEAST_BAR = 30, 10
 
@@ -142,11 +138,10 @@ class ProgressDisplay:
         """Return share done, seconds taken, seconds left, and an error, as far as they are known."""
         done, total = self._done, self._total
         if not total:
-            return "..."
+            return f"... {self._seconds:.0f} s" if self._seconds >= 1.0 else "..."
         text = f"{100 * done // total:{percent}} %  {self._seconds:.1f} s"
-        first, last = EVEN if self._stage == COMPILING else (0.0, 1.0)
         now = done - self._before
-        if now > 0 and first * total < done < last * total:
+        if now > 0 and 0 < done < total:
             text += f", {self._seconds * (total - done) / now:.0f} s left"
         return text + error
 
@@ -230,7 +225,7 @@ class PlainLines(StreamDisplay):
         if is_new:
             self._write(f"{self._stage} ...\n")
         # The end of a short stage is no news: the next begins.
-        elif self._total and self._seconds >= LEAST_PAUSE:
+        elif self._seconds >= LEAST_PAUSE:
             self._write(f"{self._stage} {self._words(self._error)}\n")
 
 

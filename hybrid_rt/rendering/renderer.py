@@ -7,6 +7,7 @@ from contextlib import ExitStack
 
 from hybrid_rt.core.interrupts import hear_again, heard_anywhere, heard_at_stops, kept_back
 from hybrid_rt.core.ledger import Ledger
+from hybrid_rt.core.precompile import want
 from hybrid_rt.core.progress import watch_compilation
 from hybrid_rt.core.suggestions import explains
 from hybrid_rt.rendering.audit import audit
@@ -17,7 +18,7 @@ from hybrid_rt.rendering.report_making import make_report, picture_settings
 from hybrid_rt.rendering.report_warnings import scene_warnings, warnings_in_words
 from hybrid_rt.rendering.result import RenderInterrupted, RenderResult
 from hybrid_rt.rendering.run import ClusterLost, run_passes
-from hybrid_rt.rendering.set_up import set_up
+from hybrid_rt.rendering.set_up import Rehearsal, set_up
 from hybrid_rt.rendering.settings import Arguments, other_names, takes
 from hybrid_rt.rendering.watcher import Beginning
 from hybrid_rt.scene.scene import Scene
@@ -138,6 +139,8 @@ def render(scene: Scene, asked: Arguments) -> RenderResult:
     declared, own, limit = settings.declared, settings.own, settings.limit
     n_threads, told = settings.n_threads, picture_settings(scene, settings)
     check_memory(scene.camera, own.n_photons, settings.outputs, settings.passes)
+    rehearsal = Rehearsal(scene, settings)
+    want(rehearsal.tasks)
 
     # What holds signals back ends last: to let go of a cluster takes seconds.
     with ExitStack() as held, ExitStack() as around:

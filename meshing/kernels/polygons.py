@@ -47,7 +47,7 @@ def _best_ear(around, ring, sides, points, weld, count):
     return best
 
 
-@kernel
+@kernel(allocates=True)
 def triangulate(
     leaves, left, right, bottom, top, by_v, weld, points, vertex_u, vertex_v, faces, uv, patch_id
 ):

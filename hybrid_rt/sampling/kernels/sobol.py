@@ -103,7 +103,7 @@ def sobol_point(pixel_key, turned_sample, low, high):
     return to_unit(reverse_bits(first)), to_unit(reverse_bits(second))
 
 
-@kernel
+@kernel(allocates=True)
 def sobol_points(seed, sample, pixel, dimension, begin, points):
     """Fill n rows of ``points`` (m, rows, 2) from ``begin`` on, for n triples, all uint64.
 
@@ -130,7 +130,7 @@ def sobol_points(seed, sample, pixel, dimension, begin, points):
                 out[k, 0], out[k, 1] = xi[0, k], xi[1, k]
 
 
-@kernel
+@kernel(allocates=True)
 def joint_points(seed, sample, pixel, dimension, tables, points):
     """Fill ``points`` (n, m) with points of one m-dimensional Sobol sequence.
 

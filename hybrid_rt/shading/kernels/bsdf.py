@@ -164,7 +164,7 @@ def pick_lobe(lobes, material, colors, i, xi, asked):
     return chosen, chance / total, min(rest / chance, 1.0)
 
 
-@kernel
+@kernel(allocates=True)
 def sample_lobes(
     lobes, material, colors, normal, direction, ratio, xi, branch, asked, wi, value, pdf
 ):

@@ -231,7 +231,7 @@ def _halved(tree, cell, px, py, pz, s, t, is_given):
     return s0 + (s1 - s0) * s, t0 + (t1 - t0) * t, density
 
 
-@kernel
+@kernel(allocates=True)
 def sample_cells(tree, seen_from, xi, stack, nodes, weights, cell, place, density):
     """Sample points as seen from others.
 
@@ -289,7 +289,7 @@ def _share_of_first(tree, node, px, py, pz):
     return first / (first + _seen(tree, 2 * node + 1, px, py, pz)[0])
 
 
-@kernel
+@kernel(allocates=True)
 def density_of_cells(tree, seen_from, cell, place, stack, nodes, weights, density):
     """Compute the density with which `sample_cells` chooses given places; see there."""
     first_leaf = tree.area.size // 2

@@ -89,7 +89,7 @@ def light_on_hit(lights, sky, textures, points, row, lobes, vertices, i, s, t, s
     return x, y, z, factor * p * r, factor * q * g, factor * k * b, density, pdf
 
 
-@kernel
+@kernel(allocates=True)
 def light_on_hits(
     lights, sky, textures, points, light_id, lobes, vertices, xi, strategy, asked, to_light, value
 ):
@@ -182,7 +182,7 @@ def density_of_light_path(lights, row, pdf_area, media, i, lobes):
     return density
 
 
-@kernel
+@kernel(allocates=True)
 def light_on_rays(
     lights, sky, textures, light_id, met, origin, direction, pdf, pdf_area, connection_pdf, media, lobes,
     strategy, radiance,

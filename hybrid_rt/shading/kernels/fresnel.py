@@ -54,7 +54,7 @@ def mirrored(dx, dy, dz, nx, ny, nz):
     return dx - twice * nx, dy - twice * ny, dz - twice * nz
 
 
-@kernel
+@kernel(allocates=True)
 def mirror_directions(direction, normal, reflected):
     """Reflect unit directions (n, 3) at unit normals of either sign."""
     for i in range(direction.shape[0]):
@@ -64,7 +64,7 @@ def mirror_directions(direction, normal, reflected):
         )  # fmt: skip
 
 
-@kernel
+@kernel(allocates=True)
 def reflect_directions(direction, normal, out):
     """Reflect unit directions (n, 3) at unit normals of either sign, to unit directions."""
     for i in range(direction.shape[0]):
@@ -76,7 +76,7 @@ def reflect_directions(direction, normal, out):
         out[i, 0], out[i, 1], out[i, 2] = x / length, y / length, z / length
 
 
-@kernel
+@kernel(allocates=True)
 def refract_directions(direction, normal, before, beyond, out):
     """Refract unit directions (n, 3) at unit normals of either sign; nan where reflection is total.
 
@@ -100,7 +100,7 @@ def refract_directions(direction, normal, before, beyond, out):
         )
 
 
-@kernel
+@kernel(allocates=True)
 def split_at_glass(direction, normal, eta, use_schlick, reflectance, refracted):
     """Find the refracted direction and the reflectance of each ray at a dielectric.
 

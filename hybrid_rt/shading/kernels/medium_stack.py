@@ -76,7 +76,7 @@ def ior_of(lobes, lobe):
     return 1.0 if lobe == NONE else lobes.number[lobe, IOR]
 
 
-@kernel
+@kernel(allocates=True)
 def indices_within(ior, stack, lobes):
     """Write the index of refraction (n,) of what fills the space around each ray."""
     for i in range(ior.size):
@@ -102,7 +102,7 @@ def _left(density, length):
     return math.exp(-density * length) if density > 0.0 else 1.0
 
 
-@kernel
+@kernel(allocates=True)
 def weaken_by_ways(stack, lobes, way, has_end, value):
     """Attenuate values along segments (n, 3) within media; some segments are infinitely long."""
     for i in range(has_end.size):
@@ -138,7 +138,7 @@ def cross_medium(stack, i, lobes, glass_of, material, is_front, second, t, unclo
     return transmittance(stack, i, lobes, t)
 
 
-@kernel
+@kernel(allocates=True)
 def cross_media(stack, lobes, glass_of, material, front_face, second, t, throughput, unclosed):
     """Attenuate throughput by the Beer-Lambert law between ray origins and hits: see `cross_medium`.
 
@@ -206,7 +206,7 @@ def look_beyond_one(lobes, lobe, stack, i, is_front, second, beyond):
     return at if before != after and abs(at - 1.0) > MATCHED else 0.0
 
 
-@kernel
+@kernel(allocates=True)
 def look_beyond(lobes, lobe, stack, front_face, second, beyond, ratio):
     """Find the media beyond the rough glass that rays have hit.
 
@@ -229,7 +229,7 @@ def look_beyond(lobes, lobe, stack, front_face, second, beyond, ratio):
         ratio[i] = look_beyond_one(lobes, lobe[i], stack, i, front_face[i], second, beyond)
 
 
-@kernel
+@kernel(allocates=True)
 def take_media_toward(normal, direction, way, beyond, stack):
     """Set ``stack`` (n, STACK) to that of outgoing directions: ``beyond`` if transmitted.
 

@@ -11,7 +11,7 @@ from hybrid_rt.shading.kernels.lobes.register import (
     spreads_here,
 )
 from hybrid_rt.shading.kernels.medium_stack import filling_medium, ior_of, pass_surface
-from meshing.kernels.jit import inlined, kernel, part
+from meshing.kernels.jit import inlined, kernel
 
 # How a ray ends at a surface, or goes on.
 LEFT, STOPPED, ABSORBED, SCATTERED, SPECULAR = 0, 1, 2, 3, 4
@@ -133,7 +133,7 @@ def connection_pdf_after(lobes, vertices, i, connection, x, y, z, density, is_th
     return so_far * turn / back if back > 0.0 else 0.0
 
 
-@part
+@inlined(cached=True)
 def scatter_one(
     lobes, vertices, i, xi, choice, stack, second, may_spread, may_mirror, roulette, reference,
     connection, onward, throughput, pdf,
@@ -190,7 +190,7 @@ def scatter_one(
     return fate
 
 
-@kernel
+@kernel(allocates=True)
 def scatter(
     lobes, vertices, xi, choice, stack, second, may_spread, may_mirror, roulette, connection, onward,
     throughput, pdf, fate,

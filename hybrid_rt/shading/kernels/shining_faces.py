@@ -30,7 +30,7 @@ def _angle(faces, k, px, py, pz):
     )  # fmt: skip
 
 
-@kernel
+@kernel(allocates=True)
 def sample_faces(faces, seen_from, xi, angle, points):
     """Sample points evenly by solid angle.
 
@@ -78,7 +78,7 @@ def sample_faces(faces, seen_from, xi, angle, points):
             pdf_area[i] = -(nx * x + ny * y + nz * z) / (math.sqrt(square) * square * total)
 
 
-@kernel
+@kernel(allocates=True)
 def angle_of_faces(faces, seen_from, total):
     """Compute the solid angle of all faces together.
 

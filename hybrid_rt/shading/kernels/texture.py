@@ -95,7 +95,7 @@ def texture_color(textures, row, u, v, x, y, z):
     return number[row, first], number[row, first + 1], number[row, first + 2]
 
 
-@kernel
+@kernel(allocates=True)
 def lobe_colors(textures, lobe_texture, factor, first_lobe, material, u, v, position, colors):
     """Look up the colours of the lobes of each hit.
 

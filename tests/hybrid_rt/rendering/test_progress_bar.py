@@ -231,15 +231,15 @@ class TestPlain:
         show("Rendering", 95, 100)
         assert stream.getvalue().splitlines()[-1] == "Rendering 95 %  40.0 s, 40 s left"
 
-    def test_seconds_left_of_compiling_are_told_between(self, clock):
-        """The first kernels say little of the others, and those little of the last one."""
+    def test_of_what_has_no_known_end_the_seconds_are_told(self, clock):
         stream = io.StringIO()
-        show = PlainLines(stream, clock)
-        for done in (0, 3, 4, 9):
-            clock.seconds += 20.0
-            show(COMPILING, done, 10)
-        lines = stream.getvalue().splitlines()[-3:]
-        assert [" left" in line for line in lines] == [False, True, False]
+        for show in (PlainLines(stream, clock), TerminalBar(stream, clock)):
+            for _ in range(2):
+                show(COMPILING, 0, 0)
+                clock.seconds += 20.0
+        plain, bar = stream.getvalue().rstrip().rsplit("\n", 1)
+        assert plain == f"{COMPILING} ...\n{COMPILING} ... 20 s"
+        assert bar == f"\r{COMPILING} ...\r{COMPILING} ... 20 s"
 
     def test_errors_are_told(self, clock):
         stream = io.StringIO()
@@ -413,19 +413,18 @@ def test_nested_compilations_count_once_and_long_ones_are_announced(monkeypatch,
     assert [(r.levelname, r.getMessage()) for r in caplog.records] == [("INFO", f"{COMPILING} ...")]
 
 
-def test_long_compilations_say_how_far_they_are(monkeypatch, caplog):
+def test_long_compilations_are_told_again_and_again(monkeypatch, caplog):
     monkeypatch.setattr(core_progress, "ANNOUNCE_AFTER", 0.01)
     monkeypatch.setattr(core_progress, "AGAIN_AFTER", 0.01)
     caplog.set_level("INFO")
     heard, third = [], threading.Event()
-    known = itertools.count(1)
 
-    def hear(stage, done, total):
-        heard.append((stage, done, total))
-        if done == 3:
+    def hear(*event):
+        heard.append(event)
+        if len(heard) % 3 == 0:
             third.set()
 
-    watch = CompileWatch(hear, is_logged=True, how_far=lambda: (next(known), 1000))
+    watch = CompileWatch(hear, is_logged=True)
     for _ in range(2):  # what is compiled later is told anew
         watch.on_start(None)
         assert third.wait(60)
@@ -434,9 +433,27 @@ def test_long_compilations_say_how_far_they_are(monkeypatch, caplog):
         time.sleep(0.05)
         assert len(heard) == n_then
         third.clear()
-        known = itertools.count(1)
-    assert heard[:3] == [(COMPILING, done, 1000) for done in (1, 2, 3)]
+    assert set(heard) == {(COMPILING, 0, 0)}
     assert len(caplog.records) == 1
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_a_terminal_shows_what_compiles_for_long_and_clears_it(monkeypatch, caplog):
+    """As for an `Intersector`, which has no callback for progress."""
+    monkeypatch.setattr(core_progress, "SHOW_AFTER", 0.01)
+    stream = Terminal()
+    watch = core_progress._WatchOutside(stream)
+    with watch_compilation():  # a command tells of it itself
+        compile_for(0.1, watch)
+    assert stream.getvalue() == ""
+    compile_for(0.1, core_progress._WatchOutside(stream))
+    line = f"{COMPILING} ... 0 s"
+    assert stream.getvalue() == f"\r\r{line}\r{' ' * len(line)}\r"
+    assert not caplog.records
 
 
 def test_what_compiles_for_long_is_said_once_where_nobody_tells_of_it(monkeypatch, caplog):

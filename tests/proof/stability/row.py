@@ -28,7 +28,7 @@ IDS = tuple(
         ("D", 34),
         ("E", 11),
         ("F", 15),
-        ("H", 2),
+        ("H", 3),
         ("L", 15),
     )
     for number in range(1, count + 1)

@@ -122,7 +122,7 @@ def rounding_of_net(degree_u, degree_v, rational, size, farthest, across):
     (lines Q1 to Q4) it is that of the numerators over their weights.
     """
     sums = 7.0 * (degree_u + degree_v) * across
-    if rational is not None:
+    if rational is not None and rational:
         return UNIT_ROUNDOFF * (10.0 * farthest + 7.0 * size + sums)
     return UNIT_ROUNDOFF * (9.0 * farthest + 4.0 * size + sums)
 
@@ -146,7 +146,7 @@ def _steepness(patch, u, v, dx, dy, dz):
 @inlined
 def _from_origin(control, k, ox, oy, oz, rational):
     """Return a control point as seen from the origin, times its weight, and the weight."""
-    if rational is None:
+    if rational is None or not rational:
         return control[k, 0] - ox, control[k, 1] - oy, control[k, 2] - oz, 1.0
     w = control[k, 3]
     return control[k, 0] - w * ox, control[k, 1] - w * oy, control[k, 2] - w * oz, w
@@ -180,7 +180,7 @@ def slow_solve(
             net[r, c, 1] = qx * x + qy * y + qz * z
             net[r, c, 2] = ex * x + ey * y + ez * z
             across = max(across, abs(net[r, c, 0]) / w, abs(net[r, c, 1]) / w)
-            if rational is not None:
+            if rational is not None and rational:
                 net[r, c, 3] = w
     restrict(net, degree_u, degree_v, u0, u1, v0, v1, rational)
     slop = rounding_of_net(degree_u, degree_v, rational, size, np.sqrt(farthest), across)

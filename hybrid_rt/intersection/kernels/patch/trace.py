@@ -41,7 +41,7 @@ from hybrid_rt.intersection.kernels.search.counters import CELLS, NEWTONS, NODES
 from hybrid_rt.intersection.kernels.search.frame import FrameRay, begin_of, end_of, enter_frame
 from hybrid_rt.intersection.kernels.search.tolerances import BORDER_SLACK, OWNED
 from hybrid_rt.intersection.kernels.search.tree import CHILD, COUNT, box_ray, cut_key, descend
-from meshing.kernels.jit import hot_kernel, inlined
+from meshing.kernels.jit import inlined, kernel
 
 
 class PatchTable(NamedTuple):
@@ -52,7 +52,7 @@ class PatchTable(NamedTuple):
     # (total, 4) nets relative to `centre`, frame units, one after the other, and 0; of rational
     # patches times their weights, the largest of a patch in [1/2, 1), and these
     control: Any
-    rational: Any  # None: all patches are polynomial; True
+    rational: Any  # None: all patches are polynomial; True; in a table for rare code also False
     start: Any  # (k,) int64: first control point
     degree: Any  # (k, 2) int64
     centre: Any  # (k, 3): the middle of each net, frame
@@ -68,15 +68,15 @@ class PatchTable(NamedTuple):
     place: Any  # (n,) int32: where each cell of the grids stands below, in the order of the tree
     record: Any  # (n or 5 n, RECORD): the cells, then the four quarters of each if there are any
     cell_patch: Any  # (n or 5 n,) uint32
-    trim: Any  # None: patches are whole; else `search.trims.Trim`, a row for each patch
+    trim: Any  # None: patches are whole; else `search.trims.Trim`, a row for each patch, or none at all
 
 
 class PatchScratch(NamedTuple):
     """What one thread needs while it traces; contents mean nothing between calls."""
 
     basis: Any  # (4, w), w - 1 the highest degree; None if all patches are bicubic
-    nets: Any  # (DEPTH, w, w, 3); (DEPTH, w, w, 4) if patches are rational
-    room: Any  # None; (w, w, 3) if patches are rational
+    nets: Any  # (DEPTH, w, w, 4); the last column is for rational patches
+    room: Any  # (w, w, 3)
     boxes: Any  # (DEPTH, 4)
     stack: Any  # Stack with room for `MORE` besides the tree's children
     queue: Any  # (m, 2) int32: rays and cells still to settle; m at least the number of records
@@ -144,7 +144,7 @@ def solve_cell(i, cell, table, basis, ray, t_lo, t_cut, rays, best, quartered):
     return SETTLED, t_root, 1, steps
 
 
-@hot_kernel
+@kernel
 def trace_patches(table, tree, rays, aside, guess, best, any_hit, scratch, t_guess, counters):
     """Lower ``best`` to the first hits on the patches, but for the doubts that are queued.
 
@@ -274,7 +274,7 @@ def _side_of(table, k, u0, u1, v0, v1):
     )  # fmt: skip
 
 
-@hot_kernel
+@kernel
 def settle_doubts(table, rays, aside, best, any_hit, scratch, n_doubts, counters):
     """Search the cells that `trace_patches` has queued, and lower ``best`` to what they hold."""
     middle, to_frame, record, queue = table.middle, table.to_frame, table.record, scratch.queue

@@ -40,7 +40,7 @@ def cross_surface(lobes, lobe, stack, i, cos_i, is_front, second):
     return reflectance, cos_t, ratio
 
 
-@kernel
+@kernel(allocates=True)
 def split_rays(
     lobes, lobe, direction, normal, front_face, second, stack, reflectance, refracted, ratio
 ):
