@@ -25,11 +25,7 @@ OF_TILES = 2.0
 def least_by_mean(mean_error: float, half_interval: float, truth: NDArray[np.floating]) -> float:
     """Return the least relative RMSE of which a picture's mean gives proof; 0 if of none.
 
-    Parameters
-    ----------
-    mean_error, half_interval : float
-        Of the picture against the truth, and half its 95 % interval; radiance. nan: unknown.
-    truth : (height, width, 3) floats
+    The mean error and half its 95 % interval are radiance; nan: unknown.
     """
     sure = abs(mean_error) - half_interval
     if not sure > 0.0:
@@ -42,16 +38,8 @@ def least_by_tiles(
 ) -> float:
     """Return the least relative RMSE of which the means of tiles give proof; 0 if of none.
 
-    The product of a tile's errors in two runs is on average the square of what both share: bias, and
-    the reference's own error, which is taken off.
-
-    Parameters
-    ----------
-    images : sequence of (height, width, 3) floats
-        Of independent runs; at least two, else nothing is known.
-    truth : (height, width, 3) floats
-    own_error : float
-        Relative RMSE of the truth; nan if unknown.
+    The product of a tile's errors in two independent runs is on average the square of what both share: bias,
+    and the reference's own error, a relative RMSE, which is taken off (nan: unknown).
     """
     if len(images) < 2:
         return 0.0

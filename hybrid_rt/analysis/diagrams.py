@@ -50,36 +50,16 @@ class Line:
 
 @dataclass(frozen=True)
 class Diagram:
-    """The contents of a diagram.
-
-    Attributes
-    ----------
-    title, x_label, y_label : str
-    lines : sequence of Line
-        All values above 0 and finite.
-    slopes : sequence of (slope, name)
-        Drawn as thin lines y ~ x^slope through the first point.
-    floor : (name, y), optional
-        A horizontal line.
-    note : str
-        How to read it: what the marks' labels and the bars are.
-    counts_x : bool
-        Whether x counts things from 0 on, on a linear axis.
-
-    Raises
-    ------
-    ValueError
-        If there are no points, or a value is not positive and finite.
-    """
+    """The contents of a diagram; all values are above 0 and finite, else ValueError."""
 
     title: str
     x_label: str
     y_label: str
     lines: Sequence[Line]
-    slopes: Sequence[tuple[float, str]] = ()
-    floor: tuple[str, float] | None = None
-    note: str = ""
-    counts_x: bool = False
+    slopes: Sequence[tuple[float, str]] = ()  # thin lines y ~ x^slope through the first point
+    floor: tuple[str, float] | None = None  # a horizontal line
+    note: str = ""  # how to read it
+    counts_x: bool = False  # from 0 on, on a linear axis
 
     def __post_init__(self) -> None:
         """Refuse what has no logarithm."""

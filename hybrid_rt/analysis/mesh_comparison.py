@@ -24,23 +24,10 @@ FINE = 1e-6
 def compare_with_mesh(
     scene: Scene, threads: int | None = None, progress: Progress | None = None
 ) -> dict[str, Any]:
-    """Trace rays through all pixel centres, on the true surfaces and on a mesh.
+    """Trace rays through all pixel centres, on the true surfaces and on a mesh; return plain numbers.
 
-    Parameters
-    ----------
-    scene : Scene
-    threads : int, optional
-        Default: the cores that this process may use.
-    progress : callable, optional
-        As `render` takes it.
-
-    Returns
-    -------
-    dict
-        Of plain numbers. ``wrong_first_hits`` are those of `hybrid_rt.core.wrong_hits`; rays whose
-        exact hit is decided within rounding are left out. ``worst_hit_error`` and
-        ``mean_hit_error`` are distances along the ray, over the other rays that hit a curved
-        surface. Empty where the scene has no curved surface.
+    Rays whose exact hit is decided within rounding are left out. Errors of t are distances along the rays that
+    hit a curved surface. Empty where the scene has no curved surface.
     """
     compiled = compile_scene(scene)
     is_curved = np.array([surface.is_freeform for surface in compiled.surfaces], dtype=bool)

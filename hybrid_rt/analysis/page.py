@@ -63,33 +63,18 @@ READ = (
 
 @dataclass(frozen=True)
 class Study:
-    """What a page shows.
-
-    Attributes
-    ----------
-    title, asked, answer : str
-        The answer is shown large.
-    command : str
-        "": none.
-    details, findings : sequence of str
-        Sentences below the answer, and further ones.
-    measured : sequence of (name, value)
-    diagrams : sequence of Diagram
-    tables : sequence of Table
-    images : mapping
-        By name; each except "reference" is shown with its error map against the reference.
-    """
+    """What a page shows."""
 
     title: str
     asked: str
-    answer: str
+    answer: str  # shown large
     command: str = ""
-    details: Sequence[str] = ()
-    findings: Sequence[str] = ()
-    measured: Sequence[tuple[str, str]] = ()
+    details: Sequence[str] = ()  # sentences below the answer
+    findings: Sequence[str] = ()  # further ones
+    measured: Sequence[tuple[str, str]] = ()  # names and values
     diagrams: Sequence[Diagram] = ()
     tables: Sequence[Table] = ()
-    images: Mapping[str, Image] = field(default_factory=dict)
+    images: Mapping[str, Image] = field(default_factory=dict)  # with error maps
 
 
 def page(study: Study) -> str:

@@ -36,18 +36,7 @@ MOST_UNPACKED, MOST_PACKED = 2**28, 100
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture read from a file.
-
-    Attributes
-    ----------
-    name : str
-    image : (height, width, 3) float32
-        Linear radiance.
-    report : dict or None
-        The report of its render, if it was saved.
-    standard_error : (height, width, 3) float32 or None
-        If the file has that channel.
-    """
+    """A picture read from a file, linear; with the report of its render, if it was saved."""
 
     name: str
     image: NDArray[np.float32]
@@ -58,10 +47,7 @@ class Picture:
 def load_picture(path: str | os.PathLike[str]) -> Picture:
     """Read a .npz or .exr file of `save_image`, or any .png (8 bit sRGB: quantised, clipped at 1).
 
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If the file is missing, or does not hold a picture.
+    Raises FileNotFoundError or ValueError if the file is missing, or does not hold a picture.
     """
     file = as_path(path, "picture")
     if not file.is_file():
@@ -460,12 +446,7 @@ def _nearer(comparison: dict[str, Any]) -> list[str]:
 
 
 def error_map(image: NDArray[np.floating], reference: NDArray[np.floating]) -> Pixels:
-    """Map relative errors (root mean square over channels) to colours: black 0.001, yellow 1.
-
-    Returns
-    -------
-    (height, width, 3) uint8
-    """
+    """Map relative errors (root mean square over channels) to colours: black 0.001, yellow 1."""
     relative = np.sqrt(relative_squares(image, reference).mean(axis=2))
     return error_colors(relative)
 
@@ -494,13 +475,7 @@ def comparison_sheet(
 
 
 def check_sheet(path: str | os.PathLike[str], pictures: Sequence[str | os.PathLike[str]]) -> Path:
-    """Return the path if a comparison of these pictures can be written there.
-
-    Raises
-    ------
-    ValueError, OSError
-        If the suffix is not .png, the path is one of the pictures, or the file cannot be written.
-    """
+    """Return the path if a comparison of these pictures can be written there, as a .png; else raise."""
     out = as_path(path, "output")
     if any(out.resolve() == Path(picture).resolve() for picture in pictures):
         raise ValueError(f"output {str(out)!r} is one of the pictures: name another file")

@@ -279,10 +279,7 @@ def short_render(
 ) -> tuple[Report, int] | None:
     """Render with more and more passes, from some on, until they take long enough to tell what one costs.
 
-    Returns
-    -------
-    report, passes
-        Of the last render; None if there is none, as ``passes`` is above ``most``.
+    Returns the last report and its passes; None if ``passes`` is above ``most``.
     """
     found, spent = None, 0.0
     while passes <= most and spent < LONG_ENOUGH:

@@ -47,16 +47,8 @@ class Runs:
 def next_passes(spent: Mapping[int, float], seconds: float) -> int | None:
     """Return how many passes a method is measured with next, so that a render takes about ``seconds``.
 
-    Parameters
-    ----------
-    spent : mapping of int to float
-        Seconds of the renders made, by their passes.
-    seconds : float
-
-    Returns
-    -------
-    int or None
-        Four times as many as before, or those that fill the seconds; None if they are filled.
+    Four times as many as before, or those that fill the seconds; None if they are filled. ``spent`` are the
+    seconds of the renders made, by their passes.
     """
     if not spent:
         return 1

@@ -83,13 +83,7 @@ class PictureStudy:
 
 
 class StudyInterrupted(KeyboardInterrupt):
-    """Ctrl-C ended a study after at least one picture.
-
-    Attributes
-    ----------
-    study : PictureStudy
-        Of the pictures made, without those of meshes; methods that made none are not there.
-    """
+    """Ctrl-C ended a study after at least one picture; ``study`` has no meshes, and no methods that made none."""
 
     def __init__(self, study: PictureStudy) -> None:
         super().__init__()

@@ -48,7 +48,7 @@ examples:
 """
 
 
-def add_study_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what ``hybrid-rt study`` takes."""
     parser.add_argument("source", nargs="?", metavar="SCENE.py | surface FILE.bpt")
     parser.add_argument("file", nargs="?", type=Path, help=argparse.SUPPRESS)
@@ -132,7 +132,7 @@ def add_study_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--threads", type=one_or_more)
 
 
-def run_study(args: argparse.Namespace) -> None:
+def run(args: argparse.Namespace) -> None:
     """Measure and print what is asked for, or compare two earlier runs."""
     if args.out:
         say_if_no_plots("curves.png and no page.html")

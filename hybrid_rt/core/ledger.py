@@ -16,22 +16,12 @@ from hybrid_rt.core.records import HitRecord, Status
 
 _COUNTERS = ("seconds", "rays", "hits", "ended", "unclosed")
 _NUMBERS = (
-    "lost_weight",
-    "carried",
-    "camera_hits",
-    "camera_hits_without_bound",
-    "largest_t_bound",
-)
+    "lost_weight", "carried", "camera_hits", "camera_hits_without_bound", "largest_t_bound",
+)  # fmt: skip
 
 
 class Ledger:
-    """Seconds per stage and counts by name, summed over a render.
-
-    Parameters
-    ----------
-    now : callable
-        Clock for the stages; returns seconds.
-    """
+    """Seconds per stage, by a clock, and counts by name, summed over a render."""
 
     def __init__(self, now: Callable[[], float] = time.perf_counter) -> None:
         self.now = now
@@ -68,14 +58,10 @@ class Ledger:
         """Add the counts of another thread, and a share of its seconds, as threads overlap."""
         for stage, seconds in other.seconds.items():
             self.seconds[stage] += share * seconds
-        self.rays.update(other.rays)
-        self.hits.update(other.hits)
-        self.ended.update(other.ended)
-        self.unclosed.update(other.unclosed)
-        self.lost_weight += other.lost_weight
-        self.carried += other.carried
-        self.camera_hits += other.camera_hits
-        self.camera_hits_without_bound += other.camera_hits_without_bound
+        for name in _COUNTERS[1:]:
+            getattr(self, name).update(getattr(other, name))
+        for name in _NUMBERS[:-1]:
+            setattr(self, name, getattr(self, name) + getattr(other, name))
         self.largest_t_bound = max(self.largest_t_bound, other.largest_t_bound)
 
     def as_dict(self) -> dict[str, Any]:

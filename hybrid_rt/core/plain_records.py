@@ -50,12 +50,8 @@ def plain_fields(record: Any) -> dict[str, Any]:
 def from_plain(kind: type[T], held: Mapping[str, Any]) -> T:
     """Return the record of which `plain_fields` made a dict, which may hold records too.
 
-    JSON has no numbers that are not finite: None in place of a number becomes nan.
-
-    Raises
-    ------
-    KeyError, TypeError
-        If the dict is another one's.
+    JSON has no numbers that are not finite: None in place of a number becomes nan. Another dict is a KeyError
+    or TypeError.
     """
     hints = typing.get_type_hints(kind)
     of_kind = fields(kind)  # type: ignore[arg-type]

@@ -27,13 +27,7 @@ COUNT_AFTER = 0.25
 
 
 class RenderState:
-    """Collects in the thread that renders; read from any thread.
-
-    Parameters
-    ----------
-    title : str
-        Name of the scene.
-    """
+    """Collects in the thread that renders; read from any thread."""
 
     def __init__(self, title: str) -> None:
         self._phase = "preparing"
@@ -98,12 +92,14 @@ class RenderState:
         self._is_total_known = self._is_total_known or expected > n + 1
         if time.perf_counter() >= self._counted_at + COUNT_AFTER or n <= 1:
             self._counted_at = time.perf_counter()
-            self._noted["counts"] = _counts(workers, seconds)
+            found, accuracy = workers.counts(), workers.context.tracer.accuracy
+            rays, hits = found.ledger["rays"], found.ledger["hits"]
+            self._noted["counts"] = _counts(rays, hits, found.work, accuracy, seconds)
         self._note_error(film, workers, limit, seconds)
 
     def _note_error(self, film: Film, workers: Workers, limit: Limit, seconds: float) -> None:
         n = film.n_passes
-        if limit.estimated_at == n:
+        if limit.n_of_error == n:
             if n > self._n_estimated:
                 self._add_error(n, seconds, limit.error, limit.error_trimmed, limit.blur)
             return
@@ -130,12 +126,9 @@ class RenderState:
     def end(self, report: Report) -> None:
         """Take the report of a picture that is done."""
         errors, passes = report.relative_error, report.passes
-        seconds = report.total_seconds
-        self._noted = {
-            "passes": passes,
-            "seconds": seconds,
-            "counts": _counts_of_report(report),
-        }
+        seconds, work = report.total_seconds, report.intersection
+        counts = _counts(report.rays, report.hits, work, report.geometry.accuracy, seconds)
+        self._noted = {"passes": passes, "seconds": seconds, "counts": counts}
         if errors is not None and passes > self._n_estimated:
             blur = errors.blur if errors.blur is not None else errors.blur_at_most
             self._add_error(passes, seconds, errors.both, errors.both_trimmed, blur)
@@ -166,40 +159,15 @@ class RenderState:
         return state
 
 
-def _counts(workers: Workers, seconds: float) -> dict[str, Any]:
-    counts = workers.counts()
-    n_traced = counts.work["rays"] + counts.work["shadow_rays"]
-    is_certified = workers.context.tracer.accuracy == "certified"
-    return _in_groups(
-        counts.ledger["rays"],
-        counts.ledger["hits"],
-        n_traced,
-        n_traced - counts.work["given_up"] if is_certified else 0,
-        counts.work,
-        seconds,
-    )
-
-
-def _counts_of_report(report: Report) -> dict[str, Any]:
-    work = report.intersection
-    n_certified = report.geometry.certified_rays
-    seconds = report.total_seconds
-    return _in_groups(report.rays, report.hits, report.n_traced, n_certified, work, seconds)
-
-
-def _in_groups(
-    rays: dict[str, int],
-    hits: dict[str, int],
-    n_traced: int,
-    n_certified: int,
-    work: dict[str, int],
-    seconds: float,
+def _counts(
+    rays: dict[str, int], hits: dict[str, int], work: dict[str, int], accuracy: str, seconds: float
 ) -> dict[str, Any]:
+    n_traced = work["rays"] + work["shadow_rays"]
     return {
         "rays": dict(rays),
         "hits": dict(hits),
         "traced": n_traced,
-        "certified": n_certified,
+        "certified": n_traced - work["given_up"] if accuracy == "certified" else 0,
         "given_up": work["given_up"],
         "changed": work["changed_by_certificate"],
         "rays_per_second": n_traced / seconds if seconds > 0.0 else None,

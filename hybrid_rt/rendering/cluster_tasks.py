@@ -43,29 +43,14 @@ class Part:
 
 @dataclass(frozen=True)
 class TaskResult:
-    """Consecutive passes, as sums of whole runs where that is possible.
-
-    Attributes
-    ----------
-    parts : list of Part
-    seconds : float
-        Wall seconds of the passes, without the set-up.
-    """
+    """Consecutive passes, as sums of whole runs where that is possible."""
 
     parts: list[Part]
-    seconds: float
+    seconds: float  # of the passes, without the set-up
 
 
 def keep_scene(key: str, integrator: str, pickled: bytes) -> None:
-    """Keep a scene in this process, without any work on it.
-
-    Parameters
-    ----------
-    key : str
-    integrator : str
-    pickled : bytes
-        A scene and `Settings`, which only a process that knows its integrator can read.
-    """
+    """Keep a pickled scene with its `Settings`, without any work on it: reading it takes its integrator."""
     _SCENES.setdefault(key, PreparedScene(integrator, pickled))
 
 

@@ -43,16 +43,9 @@ class PictureSettings(Settings):
 
 @dataclass(frozen=True)
 class PictureNoise(Noise):
-    """The noise of a picture, and the 95 % interval of its mean.
+    """The noise of a picture, and the 95 % interval of its mean."""
 
-    Attributes
-    ----------
-    unmet_lamps_95 : float
-        What lamps that no camera ray has met may add to the mean, at most.
-    half_interval_95_of_image_mean : float
-    """
-
-    unmet_lamps_95: float
+    unmet_lamps_95: float  # what lamps that no camera ray has met may add to the mean, at most
     half_interval_95_of_image_mean: float
 
     @property
@@ -258,11 +251,7 @@ class Report(dict[str, Any]):
     def from_dict(cls, held: Mapping[str, Any]) -> Self:
         """Return the report of a dict.
 
-        Raises
-        ------
-        ValueError
-            If it is no report of a render, one of another layout, or of an integrator that is not
-            declared here.
+        Raises ValueError if it is no report of a render, one of another layout, or of an unknown integrator.
         """
         layout = held.get("layout") if isinstance(held, Mapping) else None
         if layout != LAYOUT:

@@ -156,10 +156,7 @@ def _beside(unfound: LightNotFound | None, noise: PictureNoise | None) -> LightN
 def relative_error(
     noise: PictureNoise | None, blur: Blur, blur_stays: bool, error_power: float
 ) -> RelativeError | None:
-    """Return the estimated relative errors of the picture, or None after a single pass.
-
-    ``blur_stays`` and ``error_power`` are those of `hybrid_rt.integrators.Options`.
-    """
+    """Return the estimated relative errors of the picture, or None after a single pass."""
     if noise is None:
         return None
 

@@ -50,23 +50,8 @@ def run_passes(
 ) -> str:
     """Add passes in the order of their numbers until a limit is reached; say which.
 
-    Parameters
-    ----------
-    film : Film
-        May hold passes already.
-    workers, limit, clock, progress
-    keeper : Keeper, optional
-        Saves what is done.
-    source : PassSource, optional
-        Default: the workers.
-    watch : Watcher, optional
-    check : CrossCheck, optional
-        An independent estimate of the picture's mean, which targets are held against.
-
-    Raises
-    ------
-    ClusterLost
-        If the source is lost; the film holds what it made.
+    The film may hold passes already. ``source`` makes them, by default the workers; where it is lost, the
+    film holds what it made. Targets are held against ``check``, an independent estimate of the mean.
     """
     camera = workers.context.scene.camera
     n_pixels = camera.width * camera.height

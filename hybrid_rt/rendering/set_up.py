@@ -97,17 +97,7 @@ class Ready:
 def set_up(
     scene: Scene, settings: Settings, threads: int, ledger: Ledger, progress: Progress | None = None
 ) -> Ready:
-    """Make all that passes need.
-
-    Parameters
-    ----------
-    scene : Scene
-    settings : Settings
-    threads : int
-    ledger : Ledger
-        Gets the seconds of each stage.
-    progress : Progress, optional
-    """
+    """Make all that passes need; ``ledger`` gets the seconds of each stage."""
     declared, own = settings.declared, settings.own
     with ledger.stage("scene"):
         compiled = compile_scene(scene)

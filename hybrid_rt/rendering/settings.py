@@ -249,13 +249,7 @@ class Arguments(Settings):
 
 
 def checked(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values of settings by name, some or all of `Arguments`, as they are used.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If one is unknown or out of range.
-    """
+    """Return values of settings by name, some or all of `Arguments`, as they are used; raise for wrong ones."""
     from hybrid_rt.intersection.intersector import check_settings
 
     known, values = declared_in(Arguments), dict(given)

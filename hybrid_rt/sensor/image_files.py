@@ -109,10 +109,7 @@ def check_output(path: str | os.PathLike[str], keys: Iterable[str] = ()) -> Path
 
 
 def _check_sidecar(file: Path, keys: Iterable[str]) -> None:
-    """Raise FileExistsError if a file holds no report of ours.
-
-    A user names the picture, and may have another program's file of the report's name beside it.
-    """
+    """Raise FileExistsError if a file holds no report of ours: the user has named the picture alone."""
     if not file.exists():
         return
     held: Any = None

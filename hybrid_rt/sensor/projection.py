@@ -20,18 +20,7 @@ MOST_PIXELS = 10**9
 
 
 class Projection(ABC):
-    """A camera: where it stands and looks, its resolution, and its rays.
-
-    Parameters
-    ----------
-    look_from, look_at, up : three numbers
-    width, height : int
-
-    Attributes
-    ----------
-    look_from, look_at, up : (3,) float64
-    width, height : int
-    """
+    """A camera: where it stands and looks, its resolution, and its rays."""
 
     def __init__(
         self, look_from: ArrayLike, look_at: ArrayLike, up: ArrayLike, width: int, height: int
