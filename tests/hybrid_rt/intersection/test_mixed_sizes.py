@@ -1,5 +1,7 @@
 """What is small beside something of its own class costs a ray no more than alone: counted in nodes."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import trimesh
@@ -7,6 +9,8 @@ import trimesh
 from hybrid_rt import Box, Intersector, Sphere, TriangleMesh, demo
 from hybrid_rt.intersection.members import MOST_FRAMES, in_frames
 from meshing import BezierPatches
+
+X, Z = np.array([1, 0, 0]), np.array([0, 0, 1])
 
 
 def boxes(centres, sizes):
@@ -25,11 +29,11 @@ def test_things_of_like_size_share_a_frame():
 
 def test_small_things_have_a_frame_for_each_cluster():
     """Sizes from 1e-9 to 1e9, and two clusters that lie far from each other."""
-    clusters = [spread(20, 1e-9), spread(30) + (1e3, 0, 0), spread(40) - (1e6, 0, 0), [[0, 0, 0]]]
+    clusters = [spread(20, 1e-9), spread(30) + X * 1e3, spread(40) - X * 1e6, [[0, 0, 0]]]
     sizes = np.repeat([1e-10, 0.1, 0.2, 1e9], [len(c) for c in clusters])
     groups = in_frames(boxes(np.concatenate(clusters), sizes))
     first = np.cumsum([0, *(len(c) for c in clusters)])
-    wanted = {tuple(range(a, b)) for a, b in zip(first, first[1:], strict=False)}
+    wanted = {tuple(range(a, b)) for a, b in pairwise(first)}
     assert {tuple(group) for group in groups} == wanted
 
 
@@ -52,7 +56,7 @@ def mesh_of(vertices, faces):
 
 def plate(size, height):
     corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]) * size
-    return mesh_of(corners + (0, 0, height), [(0, 1, 2), (0, 2, 3)])
+    return mesh_of(corners + height * Z, [(0, 1, 2), (0, 2, 3)])
 
 
 def ball_of_triangles():
