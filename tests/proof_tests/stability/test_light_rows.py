@@ -2,6 +2,7 @@
 
 import pytest
 
+from nightly import nightly_but
 from proof.stability.row import IDS, NOT_BUILT, Effort, all_rows
 
 LIGHT = {
@@ -11,9 +12,10 @@ LIGHT = {
 pytestmark = [pytest.mark.statistical, pytest.mark.slow]
 
 
-@pytest.mark.parametrize("row_id", LIGHT)
+# L12, L13 and L15 take ten seconds each even so.
+@pytest.mark.parametrize("row_id", nightly_but(LIGHT, *(LIGHT.keys() - {"L12", "L13", "L15"})))
 def test_row_holds(row_id):
-    outcome = LIGHT[row_id].run(Effort(0.04))
+    outcome = LIGHT[row_id].run(Effort(0.01))
     assert outcome.rays > 0
     assert outcome.holds, outcome.faults
 

@@ -14,6 +14,7 @@ from hybrid_rt.primitives import Rectangle, Sphere
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
+from nightly import nightly_but
 
 pytestmark = pytest.mark.statistical
 
@@ -62,7 +63,9 @@ class TestConnections:
         "few directions": ([PARTITION], {"max_depth": 2}),
     }  # fmt: skip
 
-    @pytest.mark.parametrize("name", ROOMS)
+    @pytest.mark.parametrize(
+        "name", nightly_but(ROOMS, "both sides of a partition", "few directions")
+    )
     def test_same_light_with_and_without_connections(self, monkeypatch, name):
         """In a room: no part of 64 of the picture differs by more than chance, nor does the whole.
 
