@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 import trimesh
+from marks import nightly_but
 from scipy import stats
 
 from hybrid_rt import (
@@ -32,7 +33,6 @@ from hybrid_rt import (
     TriangleMesh,
     render,
 )
-from nightly import nightly_but
 
 # A test below decides wrongly once in 1e5 runs with another seed.
 ALARM = 1e-5

@@ -5,6 +5,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 import trimesh
+from marks import nightly_but
 from same_light import assert_same_light
 
 from hybrid_rt import (
@@ -33,7 +34,6 @@ from hybrid_rt import (
 from hybrid_rt.demo import teapot
 from hybrid_rt.integrators.path.mirrors import MOST_MIRRORS, mirrors_of
 from hybrid_rt.scene.compiled import compile_scene
-from nightly import nightly_but
 
 FLOOR = Object(Rectangle((-4, -4, 0), (8, 0, 0), (0, 8, 0)), Lambertian(0.6))
 POLISHED = Mix([(0.6, Lambertian(0.5)), (0.4, Mirror((0.9, 0.7, 0.5)))])

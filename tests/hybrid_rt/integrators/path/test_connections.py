@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from marks import nightly_but
 
 from hybrid_rt.integrators.path import path_tracer
 from hybrid_rt.lights import RectangleLight, SphereLight
@@ -14,7 +15,6 @@ from hybrid_rt.primitives import Rectangle, Sphere
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
-from nightly import nightly_but
 
 pytestmark = pytest.mark.statistical
 

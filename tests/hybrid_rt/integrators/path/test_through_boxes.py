@@ -6,6 +6,7 @@ from typing import ClassVar
 import mpmath
 import numpy as np
 import pytest
+from marks import nightly_but
 from same_light import assert_same_light
 from trimesh import Trimesh
 from trimesh.transformations import rotation_matrix
@@ -34,7 +35,6 @@ from hybrid_rt.integrators.kernels.plate_optics import section_through, tangent_
 from hybrid_rt.integrators.path.boxes import open_faces
 from hybrid_rt.lights.unevenness import brightness
 from meshing import SurfaceOfRevolution
-from nightly import nightly_but
 
 
 @pytest.mark.parametrize("ior", [1.0001, 1.33, 1.5, 4.0])

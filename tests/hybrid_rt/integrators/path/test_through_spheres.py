@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 import trimesh
+from marks import nightly_but
 from same_light import assert_same_light
 
 from hybrid_rt import (
@@ -41,7 +42,6 @@ from hybrid_rt.integrators.kernels.ball_optics import (
 from hybrid_rt.integrators.kernels.through_spheres import NO_CORE
 from hybrid_rt.integrators.path.balls import balls_of
 from hybrid_rt.scene.compiled import compile_scene
-from nightly import nightly_but
 
 # Distances from the centre of a unit ball, from almost on it to far away.
 DISTANCES = (1.0 + 1e-9, 1.001, 1.05, 1.3, 2.0, 5.0, 100.0)

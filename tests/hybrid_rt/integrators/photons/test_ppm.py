@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from marks import nightly_but
 from scipy import stats
 
 from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
@@ -28,7 +29,6 @@ from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.shading.kernels.bsdf import LobeTable
 from hybrid_rt.shading.kernels.lobes.register import WIDE
-from nightly import nightly_but
 from proof.light.light_tracer import BALL
 
 # A test below decides wrongly once in 1e5 runs with another seed.
