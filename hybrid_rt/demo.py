@@ -54,13 +54,7 @@ def vase(x: float, y: float, height: float) -> SurfaceOfRevolution:
 
 
 def tiles(n_tiles: int, seed: int = 5) -> FloatArray:
-    """Make a texture of square tiles, alternately light and dark, with varied colours and joints.
-
-    Returns
-    -------
-    (n, n, 3) float64
-        Linear colours, n = n_tiles x TILE_PIXELS.
-    """
+    """Return square tiles, light and dark by turns, with varied colours and joints, (n, n, 3), linear."""
     light, dark, joint = (0.72, 0.66, 0.56), (0.16, 0.2, 0.25), (0.42, 0.39, 0.35)
     is_dark = np.indices((n_tiles, n_tiles)).sum(axis=0) % 2 == 1
     colors = np.where(is_dark[:, :, None], dark, light)

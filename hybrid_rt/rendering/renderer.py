@@ -20,6 +20,7 @@ from hybrid_rt.rendering.result import RenderInterrupted, RenderResult
 from hybrid_rt.rendering.run import ClusterLost, run_passes
 from hybrid_rt.rendering.set_up import Rehearsal, set_up
 from hybrid_rt.rendering.settings import Arguments, other_names, takes
+from hybrid_rt.rendering.unmet_light import with_unmet_light
 from hybrid_rt.rendering.watcher import Beginning
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.film import Film
@@ -232,6 +233,9 @@ def render(scene: Scene, asked: Arguments) -> RenderResult:
         report = make_report(
             told, ready, film, clock, stopped_by, check, wrong, unfound, of_cluster, of_store
         )
+        if "half_interval" in channels and report.cross_check is not None:
+            half = channels["half_interval"]
+            channels["half_interval"] = with_unmet_light(half, report.cross_check)
         result = RenderResult(film.image, report, channels)
         for words in [*warnings_in_words(report), *([lost] if lost else [])]:
             if words not in said:

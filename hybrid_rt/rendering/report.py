@@ -99,7 +99,9 @@ class MeanCheck:
     brightest_place: float
     unmet_place_95: float
     image_mean_lacks_at_most: float
+    regions_lack_at_most: list[float]
     contradicts: bool
+    region: int | None
 
 
 @dataclass(frozen=True, kw_only=True)

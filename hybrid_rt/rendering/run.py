@@ -144,11 +144,10 @@ def _note_errors(film: Film, workers: Workers, limit: Limit, check: CrossCheck |
         noise, blur = film.relative_errors(), workers.blur(film.image)
         is_contradicted = False
         if check is not None and limit.targets:
-            of_mean = film.noise()
-            assert of_mean is not None  # errors are estimated from two passes on
+            of_mean = film.noise_of_mean()
             lost = twelve_digits(Ledger.from_dict(workers.counts().ledger).lost_share())
             half = interval_of_noise(of_mean)
-            _, is_contradicted = missing_light(check, of_mean, half, lost)
+            is_contradicted = missing_light(check, film, of_mean, half, lost).is_contradicted
     # A limit to the blur falls with more passes whatever the blur does.
     own: Options = workers.context.options
     stays = own.blur_stays and blur.relative is not None

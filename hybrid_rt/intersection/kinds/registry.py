@@ -17,7 +17,8 @@ from hybrid_rt.core.records import IntArray
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kind import CurvedKind, Kind
 from hybrid_rt.intersection.kinds.closed_forms import ClosedForm
-from hybrid_rt.intersection.members import asked_by_all
+from hybrid_rt.intersection.members import asked_by_all, in_frames
+from hybrid_rt.intersection.trims import whole_of
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.primitives.box import TurnedBox
@@ -157,21 +158,35 @@ def make_kinds(surfaces: Sequence[Surface], accuracy: str, pool: Pool) -> Kinds:
             if not members:
                 kinds.plan["left_out"][entry.name] = "the scene has none"
                 continue
-            rows = [i for i, _ in members]
             if goes_to_embree:
                 kinds.in_embree.extend(members)
             if goes_to_embree and accuracy == "mesh":
                 kinds.plan["left_out"][entry.name] = (
                     'accuracy="mesh" takes the triangles as they are'
                 )
-                kinds.kind_of[rows] = len(kinds.direct)
+                kinds.kind_of[[i for i, _ in members]] = len(kinds.direct)
                 continue
-            kinds.kind_of[rows] = len(kinds.direct) + len(kinds.curved)
-            kind = entry.build(members, accuracy, pool)
-            (kinds.curved if goes_to_embree else kinds.direct).append(kind)
-            kinds.plan["used"][entry.name] = f"{len(members)}, lamps included"
+            groups = _in_frames(members)
+            for group in groups:
+                kinds.kind_of[[i for i, _ in group]] = len(kinds.direct) + len(kinds.curved)
+                kind = entry.build(group, accuracy, pool)
+                (kinds.curved if goes_to_embree else kinds.direct).append(kind)
+            in_frames = f", in {len(groups)} frames by size and place" if len(groups) > 1 else ""
+            kinds.plan["used"][entry.name] = f"{len(members)}, lamps included{in_frames}"
     kinds.in_embree.sort(key=lambda member: member[0])
     return kinds
+
+
+def _in_frames(members: Members) -> list[Members]:
+    """Sort surfaces of one class into those that share a frame; without frame or tree, all do."""
+    if len(members) == 1 or not all(surface.is_bounded for _, surface in members):
+        return [members]
+    _, whole = whole_of(members[:1])[0]
+    many = next((n for of, n in MANY.items() if isinstance(whole, of)), 0)
+    if many and asked_by_all(np.array([surface.size for _, surface in members]), many).all():
+        return [members]
+    bounds = np.array([surface.bounds for _, surface in members])
+    return [[members[k] for k in rows] for rows in in_frames(bounds)]
 
 
 def _entry_of(surface: object) -> Entry | None:

@@ -31,12 +31,6 @@ def overlapping_bodies(scene: CompiledScene, tracer: Intersector) -> list[list[s
     """Return the pairs of clear bodies that overlap in part and have one priority, by name.
 
     Bodies of one medium are not named: it does not matter which of them fills the space.
-
-    Parameters
-    ----------
-    scene : CompiledScene
-    tracer : Intersector
-        Of the scene's surfaces.
     """
     surfaces_of: dict[int, list[int]] = defaultdict(list)
     for i in np.flatnonzero(scene.glass_of[scene.material_of[: len(scene.called)]] != NOTHING):
