@@ -176,8 +176,12 @@ def _recommended(
     command = command_of(study, best, scene)
     details = [
         _how_known(best, study.runs), *_not_told_apart(best, forecasts, study.runs),
-        *_at_full_size(study, best, full_size), *_integrator_of_script(best),
+        *_at_full_size(study, best, full_size),
     ]  # fmt: skip
+    if (name := best.integrator) not in OWN:
+        details.append(
+            f"The script declares {name!r}: let it say INTEGRATOR = {name!r} for this command."
+        )
     if best.left_out:
         details.append(
             f"{best.method} leaves out {without_examples(best.left_out)}; in this picture that is less than "
@@ -234,13 +238,6 @@ def _not_told_apart(
     if runs == 1 or not others:
         return []
     return [f"These runs do not tell it apart from {', '.join(others)}: take more --runs."]
-
-
-def _integrator_of_script(best: MethodForecast) -> list[str]:
-    name = best.integrator
-    if name in OWN:
-        return []
-    return [f"The script declares {name!r}: let it say INTEGRATOR = {name!r} for this command."]
 
 
 def command_of(study: PictureStudy, found: MethodForecast, scene: str) -> str:

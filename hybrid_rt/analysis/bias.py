@@ -59,17 +59,10 @@ def shared_error(
     weight: NDArray[np.float64],
     trimmed: bool = False,
 ) -> tuple[float, float]:
-    """Return the relative RMSE that two pictures' errors share, 0 if not above the noise, and its 95 % limit.
+    """Return the relative RMSE that two differences share, 0 if not seen above the noise, and its limit.
 
-    The mean of the product of errors whose noise is independent is the square of what both share.
-
-    Parameters
-    ----------
-    one, other : (height, width, 3) float64
-    weight : (height, width, 3) float64
-        What squares are divided by; independent of the noise of both.
-    trimmed : bool
-        Leave out the worst 0.1 % of the pixels, by the sum of both squares.
+    The ``weight`` (height, width, 3) is what squared differences are divided by. Where they are ``trimmed``, the worst
+    0.1 % of the pixels are left out.
     """
     # Channels of a pixel share their noise; pixels are independent.
     products = (one * other / weight).mean(axis=2)

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from hybrid_rt.core.progress import Progress
-from hybrid_rt.core.records import FloatArray
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.hit_errors import certified_hits, compare
-from hybrid_rt.scene.compiled import CompiledScene, compile_scene
+from hybrid_rt.scene.compiled import compile_scene
 from hybrid_rt.scene.scene import Scene
 from meshing import tessellate
 
@@ -41,7 +40,9 @@ def compare_with_mesh(
     meshes = [tessellate(surface, tolerance) for surface in curved]
     deviation = max(mesh.deviation_bound for mesh in meshes)
 
-    origins, directions = _camera_rays(compiled)
+    camera = compiled.camera
+    row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
+    origins, directions = camera.rays(column + 0.5, row + 0.5)
     certified = Intersector(compiled.surfaces, threads=threads)
     exact = certified_hits(certified, origins, directions)
     mesh = Intersector(compiled.surfaces, "mesh", tolerance=tolerance, threads=threads)
@@ -76,10 +77,3 @@ def in_words(comparison: dict[str, Any]) -> str:
         f"  and {c['wrong_first_hits']:,} of {c['rays_on_curved_surfaces']:,} rays meet the wrong "
         f"thing first. For 1e-6 a mesh would need about {c['triangles_for_1e-6']:.1e} triangles."
     )
-
-
-def _camera_rays(scene: CompiledScene) -> tuple[FloatArray, FloatArray]:
-    """Return the rays through the middles of all pixels."""
-    camera = scene.camera
-    row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
-    return camera.rays(column + 0.5, row + 0.5)

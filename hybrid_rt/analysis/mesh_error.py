@@ -10,6 +10,7 @@ import time
 import tracemalloc
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -99,25 +100,25 @@ def climb(
             for kind, r in rays.items():
                 found = contestants[number, name].intersect(r.origins, r.directions)
                 errors[name][kind] = compare(exact[kind], found.t, found.object_id)
+        measured = (
+            float(distances.max()), float(distances.mean()), float(angles.max()), float(angles.mean()),
+        )  # fmt: skip
+        bound = max(mesh.deviation_bound for mesh in meshes)
+        times: dict[str, dict[str, float]] = {
+            name: {} for step, name in contestants if step == number
+        }
+        n_triangles = sum(map(len, meshes))
         rungs.append(
-            Rung(
-                tolerance,
-                sum(len(mesh) for mesh in meshes),
-                seconds,
-                float(memory),
-                max(mesh.deviation_bound for mesh in meshes),
-                float(distances.max()),
-                float(distances.mean()),
-                float(angles.max()),
-                float(angles.mean()),
-                errors,
-                {name: {} for step, name in contestants if step == number},
-            )
+            Rung(tolerance, n_triangles, seconds, float(memory), bound, *measured, errors, times)
         )
         if on_rung is not None:
             on_rung(rungs[-1])
     for kind, r in rays.items():
-        timings = in_turn({key: _trace(tracer, r) for key, tracer in contestants.items()}, 3)
+        traces = {
+            key: partial(tracer.intersect, r.origins, r.directions)
+            for key, tracer in contestants.items()
+        }
+        timings = in_turn(traces, 3)
         for (number, name), timing in timings.items():
             rungs[number].microseconds[name][kind] = timing.median / n_rays * 1e6
     return rungs
@@ -172,7 +173,3 @@ def error_image(
         error = np.abs(meshed.t - exact.t) * length
         shade = np.abs(np.einsum("ij,ij->i", exact.normal, directions.reshape(-1, 3))) / length
     return error.reshape(height, width), shade.reshape(height, width)
-
-
-def _trace(tracer: Intersector, rays: RaySet) -> Callable[[], object]:
-    return lambda: tracer.intersect(rays.origins, rays.directions)

@@ -153,8 +153,8 @@ def _seconds_of(curve: Curve, fewest: float, passes: int, most: float) -> Spread
 def growing_seconds(curve: Curve) -> NDArray[np.float64]:
     """Return the seconds of a curve's points, made to grow with the passes, (n,) float64.
 
-    On a busy machine fewer passes may have taken longer: such neighbours get their mean (isotonic
-    regression by pooling adjacent violators; Barlow, Bartholomew, Bremner, Brunk 1972).
+    On a busy machine fewer passes may have taken longer: such neighbours get their mean (isotonic regression
+    by pooling adjacent violators; Barlow, Bartholomew, Bremner, Brunk 1972).
     """
     blocks: list[list[float]] = []
     for point in curve.points:

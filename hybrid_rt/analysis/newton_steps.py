@@ -134,9 +134,8 @@ Row = tuple[FloatArray, tuple[int, int], FloatArray]
 
 
 @singledispatch
-def _rows(surface: Surface, middle: FloatArray) -> list[Row]:
+def _rows(surface: Surface, _middle: FloatArray) -> list[Row]:
     """Return the pieces of a surface about a point."""
-    del middle
     raise TypeError(f"a {type(surface).__name__} has no control points")
 
 
@@ -149,8 +148,7 @@ def _patches(surface: BezierPatches, middle: FloatArray) -> list[Row]:
 
 
 @_rows.register(RationalPatches)
-def _rational_patches(surface: RationalPatches, middle: FloatArray) -> list[Row]:
-    del middle
+def _rational_patches(surface: RationalPatches, _middle: FloatArray) -> list[Row]:
     raise TypeError(f"{surface!r} is rational: pass polynomial patches, steps are counted on these")
 
 

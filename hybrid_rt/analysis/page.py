@@ -61,19 +61,19 @@ READ = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass
 class Study:
     """What a page shows."""
 
     title: str
-    asked: str
-    answer: str  # shown large
+    asked: str = ""
+    answer: str = ""  # shown large
     command: str = ""
-    details: Sequence[str] = ()  # sentences below the answer
-    findings: Sequence[str] = ()  # further ones
-    measured: Sequence[tuple[str, str]] = ()  # names and values
-    diagrams: Sequence[Diagram] = ()
-    tables: Sequence[Table] = ()
+    details: list[str] = field(default_factory=list)  # sentences below the answer
+    findings: list[str] = field(default_factory=list)  # further ones
+    measured: list[tuple[str, str]] = field(default_factory=list)  # names and values
+    diagrams: list[Diagram] = field(default_factory=list)
+    tables: list[Table] = field(default_factory=list)
     images: Mapping[str, Image] = field(default_factory=dict)  # with error maps
 
 

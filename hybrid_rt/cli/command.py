@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from hybrid_rt.core.interrupts import sigterm_as_ctrl_c
 from meshing.outputs import check_writable, make_folder, replacing
@@ -86,18 +86,11 @@ def _plain_warnings(name: str) -> Iterator[None]:
     with warnings.catch_warnings():
         as_before = warnings.showwarning
 
-        def show(
-            message: Warning | str,
-            category: type[Warning],
-            filename: str,
-            lineno: int,
-            file: TextIO | None = None,
-            line: str | None = None,
-        ) -> None:
+        def show(message: Warning | str, category: type[Warning], *place: Any, **of: Any) -> None:
             if category is UserWarning:
                 tell(f"{name}: warning: {message}")
             else:
-                as_before(message, category, filename, lineno, file, line)
+                as_before(message, category, *place, **of)
 
         warnings.showwarning = show
         yield
@@ -193,7 +186,7 @@ def kept(file: Path | None, figures: Callable[[], Any]) -> Iterator[None]:
 
 def _write(file: Path | None, figures: Any) -> None:
     if file is not None and figures:
-        from hybrid_rt.core.ledger import as_json
+        from hybrid_rt.core.plain_records import as_json
 
         with replacing(file) as opened:
             opened.write(as_json(figures).encode())

@@ -20,13 +20,7 @@ from hybrid_rt.cli.options import (
     exposure_stops,
     other_options,
 )
-from hybrid_rt.cli.render import (
-    render_scene,
-    rendered,
-    say_numbers,
-    shown_progress,
-    summary,
-)
+from hybrid_rt.cli.render import render_scene, rendered, say_numbers, shown_progress, summary
 from hybrid_rt.core.suggestions import option_suggestion
 
 if TYPE_CHECKING:

@@ -1,9 +1,7 @@
-"""The ledger of a render: ray counts by kind, seconds by stage; and their JSON."""
+"""The ledger of a render: ray counts by kind, seconds by stage."""
 
 from __future__ import annotations
 
-import json
-import math
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
@@ -99,24 +97,6 @@ class Ledger:
         self.camera_hits += bounds.size
         self.camera_hits_without_bound += bounds.size - proven.size
         self.largest_t_bound = max(self.largest_t_bound, float(proven.max(initial=0.0)))
-
-
-def plain(value: Any) -> Any:
-    """Convert to JSON types: NumPy scalars become Python numbers, non-finite values None."""
-    if isinstance(value, dict):
-        return {key: plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
-def as_json(value: Any) -> str:
-    """Return figures as JSON text; see `plain`."""
-    return json.dumps(plain(value), indent=2, allow_nan=False) + "\n"
 
 
 def twelve_digits(value: float) -> float:

@@ -54,10 +54,7 @@ def wrong_hits(
 
 
 def is_nearer(found_t: FloatArray, next_t: FloatArray, exact_t: FloatArray) -> BoolArray:
-    """Tell which t are nearer to the second crossing than to the first, (n,) bool.
-
-    ``next_t`` is inf if there is no second crossing.
-    """
+    """Tell which t are nearer to the second crossing, inf if there is none, than to the first, (n,) bool."""
     with np.errstate(invalid="ignore"):  # inf - inf where both miss
         nearer: BoolArray = np.abs(found_t - next_t) < np.abs(found_t - exact_t)
     return nearer

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.core.ledger import plain
+from hybrid_rt.core.plain_records import as_plain
 from hybrid_rt.core.records import HitRecord, Status
 from hybrid_rt.materials.material import Material
 from hybrid_rt.rendering.watcher import Beginning
@@ -46,7 +46,7 @@ class Probe:
         with self._one_at_a_time:
             hits = self._tracer.intersect(origin, direction)
         found["hit"] = self._hit(hits) if hits.hit[0] else None
-        shown: dict[str, Any] = plain(found)
+        shown: dict[str, Any] = as_plain(found, finite=True)
         return shown
 
     def _hit(self, hits: HitRecord) -> dict[str, Any]:

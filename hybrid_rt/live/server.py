@@ -16,6 +16,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
@@ -199,8 +200,7 @@ class _Handler(BaseHTTPRequestHandler):
     do_GET = do_HEAD = do_POST = do_PUT = do_DELETE = do_PATCH = do_OPTIONS = do_TRACE = _answer
 
     def _routes(self) -> dict[str, tuple[str, Callable[[dict[str, str]], None]]]:
-        pages = {name: ("GET", self._file(name)) for name in TYPES}
-        return pages | {
+        return {name: ("GET", partial(self._send_file, name)) for name in TYPES} | {
             "about": ("GET", lambda _: self._send_json(self.server.shown.about())),
             "events": ("GET", self._send_events),
             "picture": ("GET", self._send_picture),
@@ -223,14 +223,11 @@ class _Handler(BaseHTTPRequestHandler):
             return "wrong token: use the address that the terminal shows"
         return ""
 
-    def _file(self, name: str) -> Callable[[dict[str, str]], None]:
-        def send(_: dict[str, str]) -> None:
-            data = (files("hybrid_rt.live") / "page" / name).read_bytes()
-            if name == "live.html":
-                data = data.replace(b"TOKEN", self.server.token)
-            self._send(HTTPStatus.OK, data, f"{TYPES[name]}; charset=utf-8")
-
-        return send
+    def _send_file(self, name: str, _: dict[str, str]) -> None:
+        data = (files("hybrid_rt.live") / "page" / name).read_bytes()
+        if name == "live.html":
+            data = data.replace(b"TOKEN", self.server.token)
+        self._send(HTTPStatus.OK, data, f"{TYPES[name]}; charset=utf-8")
 
     def _send_picture(self, query: dict[str, str]) -> None:
         after = _whole(query.get("after", "0"))

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import asdict
 from typing import Any
 
-from hybrid_rt.core.ledger import plain
 from hybrid_rt.core.memory import peak_memory_mib
-from hybrid_rt.core.plain_records import plain_fields
+from hybrid_rt.core.plain_records import as_plain
 from hybrid_rt.integrators.workers import Workers
 from hybrid_rt.rendering.limits import Clock, Limit
 from hybrid_rt.rendering.report import Report
@@ -54,10 +52,10 @@ class RenderState:
         """Take what is known before the first pass."""
         context, camera = beginning.context, beginning.context.scene.camera
         settings = beginning.settings
-        unfound = beginning.unfound
+        plan = {"light": context.plan.as_dict(), "intersection": context.tracer.plan}
         self._about = {
             **self._about,
-            "settings": plain(plain_fields(settings)),
+            "settings": as_plain(settings, finite=True),
             "threads": beginning.threads,
             "width": camera.width,
             "height": camera.height,
@@ -65,8 +63,8 @@ class RenderState:
             "blur_stays": context.options.blur_stays,
             "has_photons": context.options.n_photons > 0,
             "left_out": beginning.left_out,
-            "unfound": None if unfound is None else plain(asdict(unfound)),
-            "plan": plain({"light": context.plan.as_dict(), "intersection": context.tracer.plan}),
+            "unfound": as_plain(beginning.unfound, finite=True),
+            "plan": as_plain(plan, finite=True),
         }
         self._n_pixels = camera.width * camera.height
         self._noted["passes"] = beginning.film.n_passes
@@ -121,7 +119,8 @@ class RenderState:
         self._n_estimated = n
         point = {"passes": n, "whole": whole, "trimmed": trimmed, "blur": blur}
         # Passes lessen the error, what comes before them does not.
-        self._errors = [*self._errors, plain({**point, "seconds": seconds - self._set_up})]
+        point["seconds"] = seconds - self._set_up
+        self._errors = [*self._errors, as_plain(point, finite=True)]
 
     def end(self, report: Report) -> None:
         """Take the report of a picture that is done."""

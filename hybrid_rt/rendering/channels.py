@@ -176,7 +176,12 @@ def _of_pixels(
     at_once = max(ROWS_AT_ONCE // camera.width, 1)
     for first in range(0, camera.height, at_once):
         rows = np.arange(first, min(first + at_once, camera.height))
-        behind = Behind(_hits_behind(rows, context), context.scene, light)
+        row, column = np.meshgrid(rows + 0.5, np.arange(camera.width) + 0.5, indexing="ij")
+        origins, directions = camera.rays(column.ravel(), row.ravel())
+        with context.ledger.stage("channels"):
+            hits = context.tracer.intersect(origins, directions)
+        context.ledger.rays["channels"] += len(hits)
+        behind = Behind(hits, context.scene, light)
         for name, function in functions.items():
             values = function(behind)
             if name not in channels:
@@ -185,13 +190,3 @@ def _of_pixels(
             part = channels[name][rows[0] : rows[-1] + 1]
             part[...] = values.reshape(part.shape)
     return channels
-
-
-def _hits_behind(rows: NDArray[np.intp], context: RenderContext) -> HitRecord:
-    camera = context.scene.camera
-    row, column = np.meshgrid(rows + 0.5, np.arange(camera.width) + 0.5, indexing="ij")
-    origins, directions = camera.rays(column.ravel(), row.ravel())
-    with context.ledger.stage("channels"):
-        hits: HitRecord = context.tracer.intersect(origins, directions)
-    context.ledger.rays["channels"] += len(hits)
-    return hits

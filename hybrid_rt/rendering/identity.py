@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from hybrid_rt.core.fingerprint import fingerprint
-from hybrid_rt.core.ledger import as_json
+from hybrid_rt.core.plain_records import as_json
 from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.rendering.settings import Settings
 from hybrid_rt.rendering.versions import versions

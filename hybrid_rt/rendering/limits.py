@@ -18,10 +18,7 @@ _NOTED = ("n_of_error", "noise", "ahead", "blur", "power", "blur_stays", "is_con
 
 
 def times_the_passes(ratio: float, power: float) -> float:
-    """Return how many times the passes divide a squared error by ``ratio``; inf: beyond all numbers.
-
-    The squared error falls as passes ** -power.
-    """
+    """Return how many times the passes divide a squared error, which falls as passes ** -power, by a ratio."""
     try:
         return math.pow(ratio, 1.0 / power)
     except OverflowError:
@@ -170,10 +167,7 @@ class Limit:
 
     @property
     def blur_out_of_reach(self) -> float | None:
-        """The blur, if it stays and keeps every target out of reach; else None.
-
-        It is above each target and above twice the noise then.
-        """
+        """The blur, if it stays and keeps every target out of reach, above twice the noise; else None."""
         if not self.targets or not self.blur_stays:
             return None
         highest = max(max(target, 2.0 * self.noise[name]) for name, target in self.targets.items())
@@ -204,8 +198,7 @@ class Limit:
     def expected_passes(self, n_done: int, in_time: float | None = None) -> int:
         """Return the expected total number of passes, as estimated after ``n_done``.
 
-        ``in_time`` is how many the time budget allows at the speed so far. Default: judged by the
-        slowest pass, as the start of a pass is.
+        ``in_time`` is how many the time budget allows; by default judged by the slowest pass, as their start is.
         """
         expected = [] if self.passes is None else [self.passes]
         if self.time_budget is not None:

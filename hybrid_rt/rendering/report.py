@@ -12,8 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, Self, TypedDict
 
 from hybrid_rt.core import checks
-from hybrid_rt.core.ledger import as_json
-from hybrid_rt.core.plain_records import absent, from_plain, inline, plain_fields
+from hybrid_rt.core.plain_records import absent, as_json, from_plain, inline, plain_fields
 from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.integrators.photons.figures import LightNotFound, PhotonFigures
 from hybrid_rt.rendering.settings import Settings

@@ -27,13 +27,7 @@ REHEARSED = 48, 36
 
 @dataclass(frozen=True)
 class Rehearsal:
-    """A render in small, which calls the kernels of its integrator.
-
-    Attributes
-    ----------
-    scene : Scene
-    settings : Settings
-    """
+    """A render in small, which calls the kernels of its integrator."""
 
     scene: Scene
     settings: Settings
@@ -71,25 +65,12 @@ def rehearse_checks(scene: Scene, settings: Settings) -> None:
 
 @dataclass(frozen=True)
 class Ready:
-    """What makes passes.
+    """What makes passes."""
 
-    Attributes
-    ----------
-    context : RenderContext
-        Its plan also has what pilot passes decided.
-    plan : Plan
-        As the scene alone decides it: what further workers begin with.
-    workers : Workers
-    left_out : list of str
-        Which light the integrator does not find; see `Declaration.left_out_light`.
-    sunken : list of LampInSurface
-    faults : Faults
-    """
-
-    context: RenderContext
-    plan: Plan
+    context: RenderContext  # its plan also has what pilot passes decided
+    plan: Plan  # as the scene alone decides it: what further workers begin with
     workers: Workers
-    left_out: list[str]
+    left_out: list[str]  # light that is not found, see `Declaration.left_out_light`
     sunken: list[LampInSurface]
     faults: Faults
 

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core import checks
-from hybrid_rt.core.ledger import as_json
+from hybrid_rt.core.plain_records import as_json
 from hybrid_rt.integrators.workers import Counts
 from hybrid_rt.rendering.identity import differences
 from meshing.checks import as_path
@@ -88,7 +88,8 @@ class PassStore:
         self._was_killed = bool(self._lock.read())
         self._has_told = False
         self._lock.seek(0)
-        self._lock.write(f"process {os.getpid()}, {_clock(time.time())}\n".encode())
+        began = time.strftime("%Y-%m-%d %H:%M:%S")
+        self._lock.write(f"process {os.getpid()}, {began}\n".encode())
         self._lock.truncate()
         self._lock.flush()
 
@@ -423,7 +424,3 @@ def _parsed(content: bytes) -> Saved:
     counts = Counts(**about["counts"])
     names = ("limit", "sessions", "identity")
     return Saved(int(about["passes"]), held, counts, *(about[name] for name in names))
-
-
-def _clock(seconds: float) -> str:
-    return time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(seconds))

@@ -15,6 +15,11 @@ from hybrid_rt.core.records import FloatArray
 
 # Below this sine between view and up the picture's roll is decided by rounding.
 SMALLEST_SINE = 1e-8
+# What other programs call some arguments of all cameras.
+MEANT = {
+    "resolution": "width and height", "position": "look_from", "origin": "look_from",
+    "target": "look_at",
+}  # fmt: skip
 # Pixels along a side; far fewer fill any machine, which `hybrid_rt.rendering.memory` says in time.
 MOST_PIXELS = 10**9
 
