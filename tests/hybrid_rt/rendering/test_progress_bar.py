@@ -107,17 +107,6 @@ class TestTerminal:
         assert drawn(stream)[-1].endswith("error 3.5 %\n")
 
     @pytest.mark.usefixtures("often")
-    def test_target_out_of_reach_is_shown_with_its_reason(self):
-        stream = Terminal()
-        show = TerminalBar(stream)
-        show("Rendering", 1, 10)
-        show.note_error(0.05, 0.05, False)
-        show.note_out_of_reach(0.04)
-        show("Rendering", 2, 10)
-        last = drawn(stream)[-1]
-        assert last.endswith("error 5 %: the blur alone has 4 %, the target is out of reach")
-
-    @pytest.mark.usefixtures("often")
     @pytest.mark.parametrize(
         ("noted", "words"),
         [
@@ -126,18 +115,25 @@ class TestTerminal:
             ((0.05, 0.04, True), "error at most 5 % (4 % without the worst 0.1 % of pixels)"),
             ((math.inf, math.inf, True), "error unknown"),
             ((math.nan, math.nan, False), "error unknown"),
+            # With a fourth figure, the blur that keeps the target out of reach.
+            (
+                (0.05, 0.05, False, 0.04),
+                "error 5 %: the blur alone has 4 %, the target is out of reach",
+            ),
         ],
     )
     def test_errors_are_shown_as_what_they_are(self, noted, words):
         stream = Terminal()
         show = TerminalBar(stream)
         show("Rendering", 1, 10)
-        show.note_error(*noted)
+        show.note_error(*noted[:3])
+        for blur in noted[3:]:
+            show.note_out_of_reach(blur)
         show("Rendering", 2, 10)
         assert stream.getvalue().endswith(f"left, {words}")
 
     @pytest.mark.usefixtures("often")
-    @pytest.mark.parametrize("width", [1, 2, 5, 12, 20, 30, 40, 60, 79, 80, 100, 131, 132, 300])
+    @pytest.mark.parametrize("width", [1, 5, 20, 60, 79, 131, 132])
     def test_the_line_fits_any_terminal(self, monkeypatch, width):
         monkeypatch.setenv("COLUMNS", str(width))
         stream = Terminal()
@@ -240,18 +236,6 @@ class TestPlain:
         plain, bar = stream.getvalue().rstrip().rsplit("\n", 1)
         assert plain == f"{COMPILING} ...\n{COMPILING} ... 20 s"
         assert bar == f"\r{COMPILING} ...\r{COMPILING} ... 20 s"
-
-    def test_errors_are_told(self, clock):
-        stream = io.StringIO()
-        show = PlainLines(stream, clock)
-        show("Rendering", 0, 10)
-        show.note_error(0.05, 0.04, False)
-        clock.seconds += 20.0
-        show("Rendering", 5, 10)
-        last = stream.getvalue().splitlines()[-1]
-        assert last == (
-            "Rendering 50 %  20.0 s, 20 s left, error 5 % (4 % without the worst 0.1 % of pixels)"
-        )
 
 
 @pytest.mark.parametrize("kind", [PlainLines, TerminalBar])
@@ -363,13 +347,7 @@ class TestRender:
     CAMERA = rt.Camera((0, -4, 1), (0, 0, 0), (0, 0, 1), width=4, height=3)
     SCENE = rt.Scene(CAMERA, [rt.Object(rt.Sphere((0, 0, 0), 1), rt.Mirror())])
 
-    def test_a_render_closes_its_progress(self):
-        stream = Terminal()
-        rt.render(self.SCENE, passes=2, threads=1, progress=rt.progress_bar("bar", stream))
-        assert stream.getvalue().endswith("\n")
-        assert f"Rendering [{FULL}] 100 %" in stream.getvalue()
-
-    def test_a_render_that_fails_does_too(self):
+    def test_a_render_that_fails_closes_its_progress(self):
         closed = []
 
         class Refusing:

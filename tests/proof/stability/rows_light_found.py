@@ -65,7 +65,7 @@ def above_the_lamp(height: float) -> float:
 def lamp_in_a_plane(effort: Effort) -> Outcome:
     """Count a lamp in the plane as above it, and say so; one below it by 1e-12 is dark."""
     outcome = Outcome()
-    for height in (0.0, 1e-16, -1e-16, 1e-12, -1e-12, 1e-6, -1e-6, 1e-3):
+    for height in effort.some((0.0, 1e-16, -1e-16, 1e-12, -1e-12, 1e-6, -1e-6, 1e-3)):
         for angle in (0.0, 0.3):
             truth = 0.0 if height < -1e-15 else above_the_lamp(height)
             for integrator in INTEGRATORS:
@@ -141,7 +141,7 @@ def bounded_work(effort: Effort) -> Outcome:
     for title, scene in scenes.items():
         for integrator in INTEGRATORS:
             result, mib, seconds = measured(
-                partial(picture, effort, scene, integrator, 2, n_photons=2000)
+                partial(picture, effort, scene, integrator, 2, n_photons=effort.count(2000, 200))
             )
             name = f"{integrator}, {title}"
             most, longest = max(most, mib), max(longest, seconds)
