@@ -4,7 +4,8 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE.parent), str(HERE / "_ext")]
+ROOT = HERE.parent
+sys.path[:0] = [str(folder) for folder in (ROOT, ROOT / "tools", ROOT / "tests", HERE / "_ext")]
 
 from hybrid_rt import __version__ as release
 

@@ -21,12 +21,6 @@ from meshing import BezierPatches, SurfaceOfRevolution
 # Four samples a pixel are one complete net each for pixel, light and sky: clean enough, and quick.
 PASSES = 4
 
-# What the picture will need, as `hybrid_rt.core.precompile` knows it; the teapot itself needs some.
-KERNELS = (
-    "bicubic patches, certified", "bicubic patches, mesh", "revolutions, certified",
-    "spheres", "rectangles", "whitted",
-)  # fmt: skip
-
 FLOOR_SIZE = 20.0
 # Pixels per tile of the drawn floor; a tile is one unit and never covers more on the screen.
 TILE_PIXELS = 64
@@ -60,13 +54,7 @@ def vase(x: float, y: float, height: float) -> SurfaceOfRevolution:
 
 
 def tiles(n_tiles: int, seed: int = 5) -> FloatArray:
-    """Make a texture of square tiles, alternately light and dark, with varied colours and joints.
-
-    Returns
-    -------
-    (n, n, 3) float64
-        Linear colours, n = n_tiles x TILE_PIXELS.
-    """
+    """Return square tiles, light and dark by turns, with varied colours and joints, (n, n, 3), linear."""
     light, dark, joint = (0.72, 0.66, 0.56), (0.16, 0.2, 0.25), (0.42, 0.39, 0.35)
     is_dark = np.indices((n_tiles, n_tiles)).sum(axis=0) % 2 == 1
     colors = np.where(is_dark[:, :, None], dark, light)

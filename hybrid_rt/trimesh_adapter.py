@@ -39,6 +39,9 @@ class RayMeshIntersector:
     As with trimesh's engines, a surface on which a ray starts, within rounding, counts as a hit,
     whereas `Intersector` finds only what lies ahead. Nothing is built before the first query.
 
+    All queries take ``ray_origins`` and ``ray_directions``, (n, 3) array-like: scene units, directions of any
+    length but zero. They raise ValueError and TypeError as `Intersector.intersect` does.
+
     Parameters
     ----------
     geometry : trimesh.Trimesh, surface, or sequence of them
@@ -106,8 +109,6 @@ class RayMeshIntersector:
 
         Parameters
         ----------
-        ray_origins, ray_directions : (n, 3) array-like
-            Scene units; directions of any length but zero.
         multiple_hits : bool
             Return all crossings, not only the first of each ray.
 
@@ -118,11 +119,6 @@ class RayMeshIntersector:
         index_ray : (h,) int64
         index_tri : (h,) int64
             Pieces (patches, profile segments, faces), numbered consecutively across all objects.
-
-        Raises
-        ------
-        ValueError, TypeError
-            As `Intersector.intersect` does.
         """
         hits, rays = self._find(ray_origins, ray_directions, multiple_hits, None)
         return hits.position, rays, self._number(hits)
@@ -139,8 +135,6 @@ class RayMeshIntersector:
 
         Parameters
         ----------
-        ray_origins, ray_directions : (n, 3) array-like
-            Scene units; directions of any length but zero.
         multiple_hits : bool
             Return all crossings, not only the first of each ray.
         max_hits : int
@@ -151,73 +145,31 @@ class RayMeshIntersector:
 
         Returns
         -------
-        index_tri : (h,) int64
-        index_ray : (h,) int64
+        index_tri, index_ray : (h,) int64
         locations : (h, 3) float64, only if ``return_locations``
-
-        Raises
-        ------
-        ValueError, TypeError
-            As `Intersector.intersect` does, and if ``max_hits`` is not an integer of at least 1.
         """
         hits, rays = self._find(ray_origins, ray_directions, multiple_hits, max_hits)
         found: tuple[NDArray[Any], ...] = (self._number(hits), rays)
         return (*found, hits.position) if return_locations else found
 
     def intersects_first(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> IdArray:
-        """Return the piece that each ray meets first: (n,) int64, -1 where it meets none.
-
-        Parameters
-        ----------
-        ray_origins, ray_directions : (n, 3) array-like
-            Scene units; directions of any length but zero.
-
-        Raises
-        ------
-        ValueError, TypeError
-            As `Intersector.intersect` does.
-        """
+        """Return the piece that each ray meets first: (n,) int64, -1 where it meets none."""
         tracer, begin = self._begin(ray_origins, ray_directions)
         hits = tracer.intersect(ray_origins, ray_directions, t_min=begin)
         return np.where(hits.hit, self._number(hits), -1)
 
     def intersects_any(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> BoolArray:
-        """Tell for each ray whether it meets anything: (n,) bool.
-
-        Parameters
-        ----------
-        ray_origins, ray_directions : (n, 3) array-like
-            Scene units; directions of any length but zero.
-
-        Raises
-        ------
-        ValueError, TypeError
-            As `Intersector.intersect` does.
-        """
+        """Tell for each ray whether it meets anything: (n,) bool."""
         tracer, begin = self._begin(ray_origins, ray_directions)
         return tracer.occluded(ray_origins, ray_directions, t_min=begin)
 
     def contains_points(self, points: ArrayLike) -> BoolArray:
-        """Tell for each point whether it lies inside the closed surfaces.
+        """Tell for each point (n, 3), scene units, whether it lies inside the closed surfaces: (n,) bool.
 
         The answer is the parity of the crossings along a ray. If the ray is tangent to a surface,
         another direction is tried. Of bodies that touch, each is an item of the geometry: where two
         that are joined to one mesh touch, a ray meets one face instead of two, and the answer may be
         wrong.
-
-        Parameters
-        ----------
-        points : (n, 3) array-like
-            Scene units.
-
-        Returns
-        -------
-        (n,) bool
-
-        Raises
-        ------
-        ValueError, TypeError
-            If the points are not finite numbers of that shape.
         """
         points = as_floats(points, "contains_points points")
         if points.ndim != 2 or points.shape[1] != 3:

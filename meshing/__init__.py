@@ -42,29 +42,25 @@ __all__ = [
     "tessellate",
 ]
 
-_HOME = {
-    "BezierPatches": "meshing.bezier",
-    "CertifiedMesh": "meshing.certified_mesh",
-    "Curve2": "meshing.curve2",
-    "NurbsSurface": "meshing.nurbs",
-    "PatchSheet": "meshing.sheet",
-    "Cone": "meshing.turned_shapes",
-    "Cylinder": "meshing.turned_shapes",
-    "Extrusion": "meshing.extrusion",
-    "SurfaceOfRevolution": "meshing.revolution",
-    "circular_arc": "meshing.turned_shapes",
-    "TrimmedSurface": "meshing.trimmed",
-    "bspline": "meshing.curve2",
-    "circle": "meshing.curve2",
-    "polygon": "meshing.curve2",
-    "tessellate": "meshing.tessellation",
+_HOMES = {
+    "bezier": ("BezierPatches",),
+    "certified_mesh": ("CertifiedMesh",),
+    "curve2": ("Curve2", "bspline", "circle", "polygon"),
+    "extrusion": ("Extrusion",),
+    "nurbs": ("NurbsSurface",),
+    "revolution": ("SurfaceOfRevolution",),
+    "sheet": ("PatchSheet",),
+    "tessellation": ("tessellate",),
+    "trimmed": ("TrimmedSurface",),
+    "turned_shapes": ("Cone", "Cylinder", "circular_arc"),
 }
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 
 def __getattr__(name: str) -> object:
-    if name not in _HOME:
+    if name not in _HOME_OF:
         raise AttributeError(f"module 'meshing' has no attribute {name!r}")
-    value = getattr(import_module(_HOME[name]), name)
+    value = getattr(import_module(f"meshing.{_HOME_OF[name]}"), name)
     globals()[name] = value
     return value
 

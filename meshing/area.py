@@ -8,63 +8,26 @@ cells are approximate.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Protocol, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from meshing.checks import FloatArray
+from meshing.checks import FloatArray, IdArray
 from meshing.spans import across, within_patch
+
+if TYPE_CHECKING:
+    from meshing.surface import Surface
 
 # Cells along u and v of one patch. The density within a cell varies as |S_u x S_v| does there:
 # by a few percent for a bicubic patch.
 CELLS = 16
 
-IdArray: TypeAlias = NDArray[np.int64]
-
-
-class Patches(Protocol):
-    """What is asked of a surface: how many patches it has, and its partials."""
-
-    @property
-    def pieces(self) -> Patches:
-        """The patches, each with (u, v) in the unit square."""
-        ...
-
-    @property
-    def spans(self) -> FloatArray | None:
-        """(k, 4): u0, u1, v0, v1 of each patch on a sheet; None: they are `pieces` themselves."""
-        ...
-
-    def __len__(self) -> int:
-        """Return the number of patches."""
-        ...
-
-    def partials(
-        self, u: FloatArray, v: FloatArray, patch_id: IdArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return S_u and S_v, each (n, 3)."""
-        ...
+Place: TypeAlias = tuple[IdArray, FloatArray, FloatArray]
+"""(patch_id, u, v) of points, or (cell, xi, eta): their cells, and two numbers in [0, 1] within these."""
 
 
 class AreaSampler(ABC):
-    """Samples points of a surface by area.
-
-    Parameters
-    ----------
-    areas : (cells,) float64
-        Approximate areas of the cells, scene units squared.
-
-    Attributes
-    ----------
-    area : float
-        Sum of ``areas``.
-
-    Raises
-    ------
-    ValueError
-        If the sum is not positive and finite. The caller names the surface.
-    """
+    """Samples points of a surface by area: cells of ``areas``, whose sum is `area`, and points in them."""
 
     def __init__(self, areas: FloatArray) -> None:
         self.area = float(areas.sum())
@@ -73,7 +36,7 @@ class AreaSampler(ABC):
         self._share = areas / self.area
         self._before = np.concatenate([[0.0], np.cumsum(self._share)])
 
-    def choose(self, xi: FloatArray) -> tuple[IdArray, FloatArray, FloatArray]:
+    def choose(self, xi: FloatArray) -> Place:
         """Return (patch_id, u, v) of points sampled by random numbers (n, 2) in [0, 1)."""
         cell = np.searchsorted(self._before, xi[:, 0], side="right") - 1
         # Rounded sums may end below 1: what lies beyond is of the last cell that has a share.
@@ -83,9 +46,7 @@ class AreaSampler(ABC):
         return self.within(cell, rest, xi[:, 1])
 
     @abstractmethod
-    def within(
-        self, cell: IdArray, xi: FloatArray, eta: FloatArray
-    ) -> tuple[IdArray, FloatArray, FloatArray]:
+    def within(self, cell: IdArray, xi: FloatArray, eta: FloatArray) -> Place:
         """Return (patch_id, u, v) of points chosen within cells."""
 
     @property
@@ -94,10 +55,7 @@ class AreaSampler(ABC):
         return self._share
 
     def pdf_area(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the pdf per area of points.
-
-        It is constant if `within` is uniform in area and the areas of the cells are exact.
-        """
+        """Return the pdf per area of points; the same if `within` is uniform and areas are exact."""
         del patch_id, v
         return np.full(u.size, 1.0 / self.area)
 
@@ -106,25 +64,14 @@ class CellSampler(AreaSampler):
     """A sampler that also tells the cell of a point."""
 
     @abstractmethod
-    def cell_of(
-        self, patch_id: IdArray, u: FloatArray, v: FloatArray
-    ) -> tuple[IdArray, FloatArray, FloatArray]:
+    def cell_of(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> Place:
         """Return (cell, xi, eta) of points: what `within` takes."""
 
 
 class Weighted(CellSampler):
-    """The cells of another sampler, each chosen by its area times a weight.
+    """The cells of another sampler, each chosen by its area times a weight above 0.
 
-    Parameters
-    ----------
-    sampler : CellSampler
-    weight : (cells,) float64
-        Above 0.
-
-    Attributes
-    ----------
-    weight : (cells,) float64
-        Over their mean by area.
+    `weight` has them over their mean by area.
     """
 
     def __init__(self, sampler: CellSampler, weight: FloatArray) -> None:
@@ -133,20 +80,16 @@ class Weighted(CellSampler):
         self._sampler = sampler
         self.weight: FloatArray = weight / float((sampler.share * weight).sum())
 
-    def within(
-        self, cell: IdArray, xi: FloatArray, eta: FloatArray
-    ) -> tuple[IdArray, FloatArray, FloatArray]:
-        """Return (patch_id, u, v) of points chosen within cells."""
+    def within(self, cell: IdArray, xi: FloatArray, eta: FloatArray) -> Place:
+        """See `CellSampler`."""
         return self._sampler.within(cell, xi, eta)
 
-    def cell_of(
-        self, patch_id: IdArray, u: FloatArray, v: FloatArray
-    ) -> tuple[IdArray, FloatArray, FloatArray]:
-        """Return (cell, xi, eta) of points: what `within` takes."""
+    def cell_of(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> Place:
+        """See `CellSampler`."""
         return self._sampler.cell_of(patch_id, u, v)
 
     def pdf_area(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the density per area with which points are chosen."""
+        """See `CellSampler`."""
         weight = self.weight[self.cell_of(patch_id, u, v)[0]]
         density: FloatArray = weight * self._sampler.pdf_area(patch_id, u, v)
         return density
@@ -155,44 +98,30 @@ class Weighted(CellSampler):
 class Squares(AreaSampler):
     """Parallelograms, each a cell: (u, v) in the unit square is uniform in area."""
 
-    def within(
-        self, cell: IdArray, xi: FloatArray, eta: FloatArray
-    ) -> tuple[IdArray, FloatArray, FloatArray]:
-        """Return (patch_id, u, v) of points chosen within faces."""
+    def within(self, cell: IdArray, xi: FloatArray, eta: FloatArray) -> Place:
+        """See `CellSampler`."""
         return cell, xi, eta
 
 
 class Triangles(CellSampler):
     """Triangles, each a cell: (u, v) are the barycentric weights of two corners."""
 
-    def within(
-        self, cell: IdArray, xi: FloatArray, eta: FloatArray
-    ) -> tuple[IdArray, FloatArray, FloatArray]:
-        """Return (patch_id, u, v) of points chosen within faces."""
+    def within(self, cell: IdArray, xi: FloatArray, eta: FloatArray) -> Place:
+        """See `CellSampler`."""
         root = np.sqrt(xi)
         return cell, root * (1.0 - eta), root * eta
 
-    def cell_of(
-        self, patch_id: IdArray, u: FloatArray, v: FloatArray
-    ) -> tuple[IdArray, FloatArray, FloatArray]:
-        """Return (cell, xi, eta) of points: what `within` takes."""
+    def cell_of(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> Place:
+        """See `CellSampler`."""
         root = u + v
         eta = np.divide(v, root, out=np.zeros_like(v), where=root > 0.0)
         return patch_id, np.clip(root, 0.0, 1.0) ** 2, np.clip(eta, 0.0, 1.0)
 
 
 class Grid(CellSampler):
-    """Any surface: a grid of cells on each of its patches.
+    """Any surface with partials: a grid of ``cells`` along u and v on each of its patches."""
 
-    Parameters
-    ----------
-    surface : Surface
-        With partials.
-    cells : int
-        Cells along u and v of one patch.
-    """
-
-    def __init__(self, surface: Patches, cells: int = CELLS) -> None:
+    def __init__(self, surface: Surface, cells: int = CELLS) -> None:
         self._spans, surface, self._cells = surface.spans, surface.pieces, cells
         self._surface = surface
         middle = (np.arange(cells) + 0.5) / cells
@@ -206,19 +135,15 @@ class Grid(CellSampler):
                 areas += stretch_of(surface, patch, u + i / cells, v + j / cells)
         super().__init__(areas / (9.0 * cells * cells))
 
-    def within(
-        self, cell: IdArray, xi: FloatArray, eta: FloatArray
-    ) -> tuple[IdArray, FloatArray, FloatArray]:
-        """Return (patch_id, u, v) of points chosen within cells."""
+    def within(self, cell: IdArray, xi: FloatArray, eta: FloatArray) -> Place:
+        """See `CellSampler`."""
         patch, place = np.divmod(cell, self._cells**2)
         i, j = np.divmod(place, self._cells)
         u, v = (i + xi) / self._cells, (j + eta) / self._cells
         return (patch, u, v) if self._spans is None else (patch, *across(self._spans, u, v, patch))
 
-    def cell_of(
-        self, patch_id: IdArray, u: FloatArray, v: FloatArray
-    ) -> tuple[IdArray, FloatArray, FloatArray]:
-        """Return (cell, xi, eta) of points: what `within` takes."""
+    def cell_of(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> Place:
+        """See `CellSampler`."""
         n = self._cells
         if self._spans is not None:
             u, v = within_patch(self._spans, u, v, patch_id)
@@ -231,7 +156,7 @@ class Grid(CellSampler):
         )
 
     def pdf_area(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the density per area with which points are chosen."""
+        """See `CellSampler`."""
         cell, _, _ = self.cell_of(patch_id, u, v)
         if self._spans is not None:
             u, v = within_patch(self._spans, u, v, patch_id)
@@ -243,7 +168,7 @@ class Grid(CellSampler):
         return density
 
 
-def stretch_of(surface: Patches, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
+def stretch_of(surface: Surface, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
     """Return |S_u x S_v|."""
     s_u, s_v = surface.partials(u, v, patch_id)
     stretch: FloatArray = np.linalg.norm(np.cross(s_u, s_v), axis=1)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from meshing.bpt import read_patches, write_patches
-from meshing.checks import BoolArray, FloatArray, as_affine, as_path, freeze
+from meshing.checks import FloatArray, IdArray, as_affine, as_path, freeze
 from meshing.double_double import Pair, affine_image
 from meshing.kernels import bernstein, subdivision
 from meshing.nets import as_nets, as_weights, check_finite, degrees_in_words, is_rational
@@ -114,25 +114,12 @@ class BezierPatches(ParametricSurface):
         weights: ArrayLike | Sequence[ArrayLike] | None = None,
         moved: float = 0.0,
     ) -> BezierPatches:
-        """Return patches whose control points are known beyond float64.
-
-        Parameters
-        ----------
-        nets : sequence of pairs of (m + 1, n + 1, 3) arrays
-            Control points, rounded, and what is left of them.
-        weights
-            As for `BezierPatches`.
-        moved : float
-            See there.
-        """
+        """Return patches whose control points, (m + 1, n + 1, 3) pairs, are known beyond float64."""
         made = BezierPatches([high for high, _ in nets], weights)
         left = np.concatenate([low.reshape(-1, 3) for _, low in nets])
-        made._set_remainder(left, moved)
+        made.remainder = freeze(left) if left.any() else None
+        made.moved = moved
         return made
-
-    def _set_remainder(self, remainder: FloatArray, moved: float) -> None:
-        self.remainder = freeze(remainder) if remainder.any() else None
-        self.moved = moved
 
     @classmethod
     def read(cls, path: str | Path) -> BezierPatches:
@@ -197,16 +184,18 @@ class BezierPatches(ParametricSurface):
             If the patches are rational, since .bpt files hold no weights; if the file cannot be
             written.
         """
-        write_patches(as_path(path, "BezierPatches file"), self.patches)
+        file = as_path(path, "BezierPatches file")
+        if self.weights is not None:
+            raise ValueError(
+                f"BezierPatches file {str(path)!r}: .bpt files hold no weights; keep `patches` and "
+                "`weights` in a file of your own, for instance by numpy.savez"
+            )
+        write_patches(file, self.patches)
 
     @cached_property
     def patches(self) -> tuple[FloatArray, ...]:
         """Control nets, each (m + 1, n + 1, 3) float64, read-only."""
-        starts, degrees = self._starts.tolist(), self._degrees.tolist()
-        return tuple(
-            self._control[start:stop].reshape(m + 1, n + 1, 3)
-            for start, stop, (m, n) in zip(starts[:-1], starts[1:], degrees, strict=True)
-        )
+        return tuple(self._nets_of(self._control))
 
     @cached_property
     def remainders(self) -> tuple[FloatArray, ...]:
@@ -279,15 +268,13 @@ class BezierPatches(ParametricSurface):
         return f"BezierPatches({len(self)} of {degrees_in_words(self._degrees)})"
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Pickle the control nets; loading checks them again."""
-        return type(self), ([np.array(net) for net in self.patches],), self._conversion()
-
-    def _conversion(self) -> dict[str, Any] | None:
-        """Return what a pickle holds besides control points and weights."""
-        if self.remainder is None and self.moved == 0.0:
-            return None
-        left = None if self.remainder is None else np.array(self.remainder)
-        return {"remainder": left, "moved": self.moved}
+        """Pickle control nets and weights; loading checks them again."""
+        parts = [self.patches] if self.weights is None else [self.patches, self.weights]
+        state = None
+        if self.remainder is not None or self.moved != 0.0:
+            left = None if self.remainder is None else np.array(self.remainder)
+            state = {"remainder": left, "moved": self.moved}
+        return type(self), tuple([np.array(net) for net in part] for part in parts), state
 
     @cached_property
     def patch_bounds(self) -> FloatArray:
@@ -313,66 +300,61 @@ class BezierPatches(ParametricSurface):
         return boxes
 
     def transformed(self, matrix: ArrayLike) -> BezierPatches:
-        """Return the image under an affine map, with the same (u, v).
+        """Return the image under an affine map; see `meshing.surface.Surface.transformed`.
 
-        Parameters
-        ----------
-        matrix : (4, 4) array
-            Acts on columns (x, y, z, 1); last row (0, 0, 0, 1); not singular. It is applied to
-            the control points, in double-double: rays meet the image of the surface itself, not that
-            of rounded points. Weights do not change.
-            The normal stays along S_u x S_v, so a reflection moves it to the other side.
+        The matrix is applied to the control points, in double-double: rays meet the image of the surface
+        itself, not that of rounded points. The normal stays along S_u x S_v, so a reflection moves it to
+        the other side.
         """
         linear, shift = as_affine(matrix, "BezierPatches")
         left = np.concatenate([net.reshape(-1, 3) for net in self.remainders])
         high, low = affine_image(linear, shift, (self._control, left))
-        made = self._with_control(high)
-        made._set_remainder(low, self.moved * float(np.linalg.norm(linear, 2)))
-        return made
+        nets = list(zip(self._nets_of(high), self._nets_of(low), strict=True))
+        moved = self.moved * float(np.linalg.norm(linear, 2))
+        return BezierPatches.of_pairs(nets, self.weights, moved)
 
     def flipped(self) -> BezierPatches:
         """Return the same surface with u and v swapped, so with the opposite normal."""
-        made = self._swapped()
-        left = [net.transpose(1, 0, 2).reshape(-1, 3) for net in self.remainders]
-        made._set_remainder(np.concatenate(left), self.moved)
-        return made
+        nets = [
+            (net.swapaxes(0, 1), left.swapaxes(0, 1))
+            for net, left in zip(self.patches, self.remainders, strict=True)
+        ]
+        weights = None if self.weights is None else [w.T for w in self.weights]
+        return BezierPatches.of_pairs(nets, weights, self.moved)
 
-    def _swapped(self) -> BezierPatches:
-        return BezierPatches([net.transpose(1, 0, 2) for net in self.patches])
+    def _nets_of(self, columns: FloatArray) -> list[FloatArray]:
+        """Return an array of one row for each control point as one for each patch."""
+        pieces = np.split(columns, self._starts[1:-1])
+        sizes = (self._degrees + 1).tolist()
+        return [
+            piece.reshape(*size, *columns.shape[1:])
+            for piece, size in zip(pieces, sizes, strict=True)
+        ]
 
-    def _nets_of(self, control: FloatArray) -> list[FloatArray]:
-        sizes = self._degrees.tolist()
-        pieces = np.split(control, self._starts[1:-1])
-        return [piece.reshape(m + 1, n + 1, 3) for piece, (m, n) in zip(pieces, sizes, strict=True)]
-
-    def _with_control(self, control: FloatArray) -> BezierPatches:
-        return BezierPatches(self._nets_of(control))
-
-    def _fill(
-        self,
-        ids: NDArray[np.int64],
-        u: FloatArray,
-        v: FloatArray,
-        order_u: int,
-        order_v: int,
-        out: FloatArray,
-    ) -> None:
+    def _derivatives(
+        self, u: FloatArray, v: FloatArray, patch_id: IdArray, order_u: int, order_v: int
+    ) -> FloatArray:
+        out = np.empty((u.size, 3))
         bernstein.evaluate_patches(
-            self._net, self._starts, self._degrees, ids, u, v, order_u, order_v, self._rational,
-            out,
+            self._net, self._starts, self._degrees, patch_id, u, v, order_u, order_v,
+            self._rational, out,
         )  # fmt: skip
+        return out
 
-    def _fill_normals(
-        self,
-        ids: NDArray[np.int64],
-        u: FloatArray,
-        v: FloatArray,
-        out: FloatArray,
-        is_degenerate: BoolArray,
-    ) -> None:
+    def _normals(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        out, is_degenerate = np.empty((u.size, 3)), np.empty(u.size, np.bool_)
         bernstein.normals_of_patches(
-            self._net, self._starts, self._degrees, ids, u, v, self._rational, out, is_degenerate
+            self._net,
+            self._starts,
+            self._degrees,
+            patch_id,
+            u,
+            v,
+            self._rational,
+            out,
+            is_degenerate,
         )
+        return out
 
 
 class RationalPatches(BezierPatches):
@@ -405,11 +387,7 @@ class RationalPatches(BezierPatches):
     @cached_property
     def weights(self) -> tuple[FloatArray, ...]:
         """Weights of each patch, (m + 1, n + 1) float64, as given, read-only."""
-        starts, degrees = self._starts.tolist(), self._degrees.tolist()
-        return tuple(
-            self._weights[start:stop].reshape(m + 1, n + 1)
-            for start, stop, (m, n) in zip(starts[:-1], starts[1:], degrees, strict=True)
-        )
+        return tuple(self._nets_of(self._weights))
 
     @property
     def homogeneous(self) -> FloatArray:
@@ -425,23 +403,6 @@ class RationalPatches(BezierPatches):
         """Name the number of patches and their degrees."""
         return super().__repr__()[:-1] + ", rational)"
 
-    def __reduce__(self) -> tuple[object, ...]:
-        """Pickle control nets and weights; loading checks them again."""
-        nets = [np.array(net) for net in self.patches]
-        return RationalPatches, (nets, [np.array(w) for w in self.weights]), self._conversion()
-
-    def write(self, path: str | Path) -> None:
-        """Refuse: .bpt files have no weights.
-
-        Raises
-        ------
-        ValueError
-        """
-        raise ValueError(
-            f"BezierPatches file {str(path)!r}: .bpt files hold no weights; keep `patches` and "
-            "`weights` in a file of your own, for instance by numpy.savez"
-        )
-
     @cached_property
     def patch_bounds(self) -> FloatArray:
         """(k, 2, 3) float64: lower and upper corner of a box around each patch, read-only."""
@@ -454,22 +415,8 @@ class RationalPatches(BezierPatches):
         boxes[:, 1] = np.minimum(boxes[:, 1], np.maximum.reduceat(self._control, first))
         return freeze(self._widened(boxes))
 
-    def _swapped(self) -> RationalPatches:
-        nets = [net.transpose(1, 0, 2) for net in self.patches]
-        return RationalPatches(nets, [w.T for w in self.weights])
-
-    def _with_control(self, control: FloatArray) -> RationalPatches:
-        return RationalPatches(self._nets_of(control), self.weights)
-
-    def _fill(
-        self,
-        ids: NDArray[np.int64],
-        u: FloatArray,
-        v: FloatArray,
-        order_u: int,
-        order_v: int,
-        out: FloatArray,
-    ) -> None:
-        super()._fill(ids, u, v, order_u, order_v, out)
-        if order_u == order_v == 0:
-            out += self._centres[ids]
+    def _derivatives(
+        self, u: FloatArray, v: FloatArray, patch_id: IdArray, order_u: int, order_v: int
+    ) -> FloatArray:
+        out = super()._derivatives(u, v, patch_id, order_u, order_v)
+        return out + self._centres[patch_id] if order_u == order_v == 0 else out

@@ -32,15 +32,7 @@ TARGET_STEPS = 2.0**12
 
 
 class TooManyTrianglesError(ValueError):
-    """The tolerance needs more triangles than are allowed.
-
-    Parameters
-    ----------
-    estimate : float
-        Approximate number of triangles needed.
-    max_triangles : int
-    tolerance : float
-    """
+    """The tolerance needs more triangles, about ``estimate``, than are allowed."""
 
     def __init__(self, estimate: float, max_triangles: int, tolerance: float) -> None:
         super().__init__(
@@ -116,21 +108,10 @@ class _Piece:
 def rings_of(
     surface: SurfaceOfRevolution, tolerance: float, slack: float, max_triangles: int
 ) -> tuple[int, tuple[tuple[int, int, int, int], ...], float]:
-    """Cut a surface of revolution into rings of cells.
+    """Cut a surface of revolution into rings of cells; ``slack`` is reserved for later rounding.
 
-    Parameters
-    ----------
-    tolerance : float
-        Scene units; ``slack`` of it is reserved for later rounding.
-
-    Returns
-    -------
-    base : int
-        Every ring has this number of cells times a power of two.
-    rings : tuple of (segment, v0, v1, cells)
-        v in units of 2**-MAX_DEPTH; segments that lie on the axis have none.
-    bound : float
-        Proven distance of the triangles, without ``slack``.
+    Returns a number; rings (segment, v0, v1, cells), v in units of 2**-MAX_DEPTH and cells that number times a
+    power of two; and the proven distance of the triangles, without ``slack``. Segments on the axis have none.
     """
     on_axis = radius_rounding(surface.segments)
     turn = surface.u_range[1] - surface.u_range[0]
@@ -157,14 +138,10 @@ def rings_of(
 def _fewest_cells(
     profile: tuple[tuple[int, int, bytes], ...], turn: float, target: float, max_triangles: int
 ) -> tuple[float, int, tuple[tuple[int, int, int, int], ...], float]:
-    """Cut a profile, given by the number, columns and bytes of its segments, into rings of cells.
+    """Return how many triangles the rings of a profile have, then what `rings_of` does, not rounded.
 
-    Returns
-    -------
-    triangles : float
-        What the rings have; above ``max_triangles``, about what they would have, and there are none.
-    base, rings, deviation
-        As in `rings_of`; without rounding.
+    A profile is the number, columns and bytes of its segments. Of more than ``max_triangles``, the first
+    number is about what they would be, and there are no rings.
     """
     roots = [
         _Piece(i, np.frombuffer(points).reshape(-1, columns), 0, 1 << MAX_DEPTH, turn)

@@ -6,8 +6,10 @@ A file holds the number of patches; then, for each patch, its two degrees and it
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,37 +17,30 @@ from meshing.checks import FloatArray
 from meshing.kernels.bernstein import MAX_DEGREE
 from meshing.outputs import replacing
 
+T = TypeVar("T")
+
 
 class _Lines:
     """The lines of a file that are not blank, each split into words; says where it stands."""
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self._lines: Iterator[tuple[int, str]] = enumerate(
-            # Some editors begin a file with a byte-order mark.
-            path.read_text(encoding="utf-8-sig").splitlines(),
-            start=1,
-        )
-        self.number = 0
+        self.path, self.number = path, 0
+        # Some editors begin a file with a byte-order mark.
+        lines = enumerate(path.read_text(encoding="utf-8-sig").splitlines(), start=1)
+        self.left = ((number, line.split()) for number, line in lines if line.strip())
 
-    def __iter__(self) -> _Lines:
-        return self
-
-    def __next__(self) -> list[str]:
-        for number, line in self._lines:
-            self.number = number
-            words = line.split()
-            if words:
-                return words
-        raise StopIteration
-
-    def take(self, expected: str) -> list[str]:
-        words = next(self, None)
-        if words is None:
+    def take(self, expected: str, meaning: Callable[[list[str]], list[T] | None]) -> list[T]:
+        """Return what the next line means; None stands for what is not expected."""
+        line = next(self.left, None)
+        if line is None:
             raise ValueError(
                 f"{self.path} ends after line {self.number}, where {expected} was expected"
             )
-        return words
+        self.number, words = line
+        found = meaning(words)
+        if found is None:
+            raise self.error(words, expected)
+        return found
 
     def error(self, words: list[str], expected: str) -> ValueError:
         found = " ".join(words)
@@ -54,57 +49,46 @@ class _Lines:
 
 
 def read_patches(path: str | Path) -> list[FloatArray]:
-    """Read the control nets of a .bpt file.
-
-    Returns
-    -------
-    list of (m + 1, n + 1, 3) float64
-
-    Raises
-    ------
-    ValueError
-        For a malformed file; the message names file, line and what was expected there.
-    """
+    """Return the control nets of a .bpt file, (m + 1, n + 1, 3); errors name the line and what was expected."""
     try:
         lines = _Lines(Path(path))
     except UnicodeDecodeError:
         raise ValueError(f"{path} is not a text file: a .bpt file was expected") from None
-    words = lines.take("the number of patches")
-    n_patches = _whole_numbers(words, 1)
-    if n_patches is None or n_patches[0] < 1:
-        raise lines.error(words, "the number of patches (1 or more)")
-    patches = [_read_patch(lines, p, n_patches[0]) for p in range(n_patches[0])]
-    rest = next(lines, None)
-    if rest is not None:
-        raise lines.error(rest, f"end of file after {n_patches[0]} patches")
+    (count,) = lines.take("the number of patches (1 or more)", lambda words: _counts(words, 1))
+    patches = [_read_patch(lines, p, count) for p in range(count)]
+    for number, words in lines.left:
+        lines.number = number
+        raise lines.error(words, f"end of file after {count} patches")
     return patches
 
 
 def _read_patch(lines: _Lines, p: int, n_patches: int) -> FloatArray:
-    expected = f"two degrees (1 to {MAX_DEGREE}) of patch {p} of {n_patches}"
-    words = lines.take(expected)
-    degrees = _whole_numbers(words, 2)
-    if degrees is None or not all(1 <= degree <= MAX_DEGREE for degree in degrees):
-        raise lines.error(words, expected)
-    shape = (degrees[0] + 1, degrees[1] + 1)
-    points = np.empty((shape[0] * shape[1], 3))
-    for k in range(len(points)):
-        expected = f"three finite coordinates of point {k} of {len(points)} of patch {p}"
-        words = lines.take(expected)
-        try:
-            points[k] = [float(word) for word in words]
-        except ValueError:
-            raise lines.error(words, expected) from None
-        if len(words) != 3 or not np.isfinite(points[k]).all():
-            raise lines.error(words, expected)
-    return points.reshape(*shape, 3)
+    m, n = lines.take(
+        f"two degrees (1 to {MAX_DEGREE}) of patch {p} of {n_patches}",
+        lambda words: _counts(words, 2, MAX_DEGREE),
+    )
+    size = (m + 1) * (n + 1)
+    points = [
+        lines.take(f"three finite coordinates of point {k} of {size} of patch {p}", _coordinates)
+        for k in range(size)
+    ]
+    return np.array(points).reshape(m + 1, n + 1, 3)
 
 
-def _whole_numbers(words: list[str], count: int) -> list[int] | None:
-    # More digits than that are no count, and may be more than Python reads.
-    if len(words) != count or not all(word.isdecimal() and len(word) < 19 for word in words):
+def _coordinates(words: list[str]) -> list[float] | None:
+    try:
+        found = [float(word) for word in words]
+    except ValueError:
         return None
-    return [int(word) for word in words]
+    return found if len(found) == 3 and all(map(math.isfinite, found)) else None
+
+
+def _counts(words: list[str], n: int, most: float = math.inf) -> list[int] | None:
+    # More digits than that are no count, and may be more than Python reads.
+    if len(words) != n or not all(word.isdecimal() and len(word) < 19 for word in words):
+        return None
+    counts = [int(word) for word in words]
+    return counts if all(1 <= count <= most for count in counts) else None
 
 
 def write_patches(path: str | Path, patches: Sequence[FloatArray]) -> None:

@@ -1,7 +1,8 @@
 """Argument checks: errors are raised before any work starts.
 
 Every message names the argument and its value and, after a colon, what to pass instead. ``what`` is
-the name of object and parameter that messages use, as in "Sphere radius".
+the name of object and parameter that messages use, as in "Sphere radius". Numbers and shapes that are not
+allowed are a ValueError, other things a TypeError.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 BoolArray: TypeAlias = NDArray[np.bool_]
 FloatArray: TypeAlias = NDArray[np.float64]
+IdArray: TypeAlias = NDArray[np.int64]
 
 # A matrix that squeezes one direction by more than this against another leaves only roundings.
 SMALLEST_SQUEEZE = 8.0 * 2.0**-52
@@ -42,13 +44,7 @@ def text_of(error: BaseException) -> str:
 
 
 def as_floats(value: ArrayLike, what: str) -> FloatArray:
-    """Return real numbers as a float64 array.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For anything else, and rows of unequal length; ``what`` is named.
-    """
+    """Return real numbers as a float64 array; refuse all else, and rows of unequal length."""
     refuse_mask(value, what)
     try:
         array = np.asarray(value)
@@ -71,13 +67,7 @@ def as_floats(value: ArrayLike, what: str) -> FloatArray:
 
 
 def refuse_mask(value: object, what: str) -> None:
-    """Refuse an array with masked elements: NumPy would return the data under the mask.
-
-    Raises
-    ------
-    ValueError
-        ``what`` is named.
-    """
+    """Refuse an array with masked elements: NumPy would return the data under the mask."""
     if isinstance(value, np.ndarray) and np.any(getattr(value, "mask", False)):
         raise ValueError(
             f"{what} has masked elements: leave them out, or fill them with .filled(...)"
@@ -85,13 +75,7 @@ def refuse_mask(value: object, what: str) -> None:
 
 
 def as_vector(value: ArrayLike, what: str, *, up_to: float = np.inf) -> FloatArray:
-    """Return three finite float64 numbers of magnitude at most ``up_to``, read-only.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For anything else; ``what`` is named.
-    """
+    """Return three finite float64 numbers of magnitude at most ``up_to``, read-only."""
     vector = as_floats(value, what)
     if vector.shape != (3,):
         raise ValueError(f"{what} has shape {vector.shape}: pass three numbers")
@@ -103,13 +87,7 @@ def as_vector(value: ArrayLike, what: str, *, up_to: float = np.inf) -> FloatArr
 
 
 def unit(vector: FloatArray, what: str) -> FloatArray:
-    """Normalise a vector (3,); it is scaled first, so that no square overflows.
-
-    Raises
-    ------
-    ValueError
-        If it is zero; ``what`` is named.
-    """
+    """Normalise a vector (3,), not zero; it is scaled first, so that no square overflows."""
     largest = float(np.abs(vector).max())
     if largest == 0.0:
         raise ValueError(f"{what} is the zero vector: pass a direction")
@@ -119,11 +97,7 @@ def unit(vector: FloatArray, what: str) -> FloatArray:
 
 
 def still_unit(vector: FloatArray, what: str) -> FloatArray:
-    """Normalise a vector whose length is about one.
-
-    A vector of length one up to rounding is returned bit for bit, so scaling a scene by a power of
-    two changes no bits.
-    """
+    """Normalise a vector about one long; one of length one up to rounding stays bit for bit."""
     return vector if abs(vector @ vector - 1.0) <= 4.0 * 2.0**-52 else unit(vector, what)
 
 
@@ -137,13 +111,7 @@ def units(vectors: FloatArray) -> FloatArray:
 
 
 def as_direction(value: ArrayLike, what: str) -> FloatArray:
-    """Normalise a direction of any length; return it read-only.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If it is not three finite numbers, or zero; ``what`` is named.
-    """
+    """Normalise a direction of any length but zero; return it read-only."""
     return freeze(unit(as_vector(value, what), what))
 
 
@@ -151,11 +119,6 @@ def direction_across(axis: FloatArray, reference: ArrayLike | None, what: str) -
     """Return the unit vector of ``reference`` normal to a unit ``axis``, read-only.
 
     None stands for the coordinate axis least aligned with ``axis``.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If it is no direction, or parallel to the axis; ``what`` is named.
     """
     if reference is None:
         start = np.zeros(3)
@@ -182,25 +145,7 @@ def number(
     up_to: float = np.inf,
     hint: str = "",
 ) -> float:
-    """Return one finite number within limits.
-
-    Parameters
-    ----------
-    value : float, or anything that NumPy converts to one
-    what : str
-        Name of the argument in messages.
-    above, below : float
-        Exclusive limits.
-    at_least, up_to : float
-        Inclusive limits.
-    hint : str
-        Added to the message: what to pass instead.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If ``value`` is not such a number.
-    """
+    """Return one finite number within limits, exclusive and inclusive; ``hint`` says what to pass."""
     if type(value) is float:  # there may be many
         result = value
     else:
@@ -226,13 +171,7 @@ def number(
 
 
 def whole(value: int, what: str, *, at_least: int, up_to: int | None = None) -> int:
-    """Return an integer from ``at_least`` to ``up_to``; without ``up_to`` there is no upper limit.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For anything else; ``what`` is named.
-    """
+    """Return an integer from ``at_least`` to ``up_to``; None: there is no upper limit."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
         raise TypeError(f"{what} is {shown(value)}: pass an integer")
     if value < at_least or (up_to is not None and value > up_to):
@@ -242,13 +181,7 @@ def whole(value: int, what: str, *, at_least: int, up_to: int | None = None) -> 
 
 
 def as_path(value: str | os.PathLike[str], what: str) -> Path:
-    """Return the path of a file.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If ``value`` is not a path, or holds a null byte; ``what`` is named.
-    """
+    """Return the path of a file; no null byte is in it."""
     if not isinstance(value, str | os.PathLike):
         raise TypeError(f"{what} is {shown(value)}: pass a path")
     path = Path(value)
@@ -258,23 +191,9 @@ def as_path(value: str | os.PathLike[str], what: str) -> Path:
 
 
 def as_affine(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray]:
-    """Split a 4 x 4 matrix that acts on columns (x, y, z, 1) into linear part and translation.
+    """Split a (4, 4) affine map, not singular, into linear part (3, 3) and translation (3,).
 
-    Parameters
-    ----------
-    matrix : (4, 4) array
-    kind : str
-        The kind of surface that is to be transformed.
-
-    Returns
-    -------
-    linear : (3, 3) float64
-    shift : (3,) float64
-
-    Raises
-    ------
-    ValueError, TypeError
-        If it is not finite, not affine, or singular.
+    ``kind`` is the kind of surface that is to be transformed.
     """
     array = as_floats(matrix, f"{kind} matrix")
     if array.shape != (4, 4):
@@ -303,21 +222,9 @@ def as_affine(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray]:
 def as_similarity(
     matrix: ArrayLike, kind: str, otherwise: str = "use a NurbsSurface"
 ) -> tuple[FloatArray, FloatArray, float, bool]:
-    """Split a similarity into orthogonal part, translation and scale.
+    """Split a similarity (4, 4): orthogonal part, translation, scale, and whether it reflects.
 
     ``otherwise`` says in the message what takes other maps.
-
-    Returns
-    -------
-    orthogonal : (3, 3) float64
-    shift : (3,) float64
-    scale : float
-    is_reflection : bool
-
-    Raises
-    ------
-    ValueError, TypeError
-        As `as_affine`, and if the matrix is not a similarity up to rounding.
     """
     linear, shift = as_affine(matrix, kind)
     # By a power of two first, so that no square overflows.
@@ -336,43 +243,24 @@ def as_similarity(
 
 
 def broadcast_parameters(
-    u: ArrayLike, v: ArrayLike, patch_id: ArrayLike, n_patches: int, name: str
-) -> tuple[FloatArray, FloatArray, NDArray[np.int64], tuple[int, ...]]:
-    """Broadcast parameters and flatten them; check that the patches exist.
-
-    Parameters
-    ----------
-    u, v : float array-like
-    patch_id : int array-like
-    n_patches : int
-    name : str
-        Name of ``patch_id`` in messages.
-
-    Returns
-    -------
-    u, v : (n,) float64
-    ids : (n,) int64
-    shape : tuple of int
-        What they broadcast to; its product is n.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If they do not broadcast, or there is no such patch.
-    """
-    refuse_mask(patch_id, name)
+    u: ArrayLike, v: ArrayLike, patch_id: ArrayLike, n_patches: int
+) -> tuple[FloatArray, FloatArray, IdArray, tuple[int, ...]]:
+    """Return u, v and patches flat, (n,), and the shape that they broadcast to."""
+    refuse_mask(patch_id, "patch_id")
     ids = np.asarray(patch_id)
     if ids.dtype.kind not in "iu":
-        raise TypeError(f"{name} has type {ids.dtype}: pass whole numbers")
+        raise TypeError(f"patch_id has type {ids.dtype}: pass whole numbers")
     if ids.size and not (ids.min() >= 0 and ids.max() < n_patches):
         bad = ids[(ids < 0) | (ids >= n_patches)].flat[0]
-        raise ValueError(f"{name} is {bad}: pass 0 to {n_patches - 1}, this surface has no others")
+        raise ValueError(
+            f"patch_id is {bad}: pass 0 to {n_patches - 1}, this surface has no others"
+        )
     u, v = as_floats(u, "u"), as_floats(v, "v")
     try:
         shape = np.broadcast_shapes(u.shape, v.shape, ids.shape)
     except ValueError:
         raise ValueError(
-            f"u, v and {name} have shapes {u.shape}, {v.shape} and {ids.shape}: pass one number or "
+            f"u, v and patch_id have shapes {u.shape}, {v.shape} and {ids.shape}: pass one number or "
             "as many of each"
         ) from None
     # Copies: kernels take contiguous arrays that own their memory.

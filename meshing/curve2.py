@@ -20,7 +20,7 @@ from meshing.double_double import over as quotient
 from meshing.kernels.bernstein import MAX_DEGREE
 from meshing.kernels.trims import points_of_arc
 from meshing.knots import as_knots, combined, split
-from meshing.nets import LEAST_RATIO
+from meshing.nets import check_weights
 
 # Curves may leave the unit square, by a whole turn where the surface closes on itself.
 LOWEST, HIGHEST = -1.0, 2.0
@@ -116,12 +116,7 @@ def _as_weights(weights: ArrayLike, what: str, n: int) -> FloatArray:
     array = as_floats(weights, what)
     if array.shape != (n,):
         raise ValueError(f"{what} has shape {array.shape} for {n} points: pass one each")
-    least, most = float(array.min()), float(array.max())
-    if not (least > 0.0 and most < np.inf and least >= LEAST_RATIO * most):
-        raise ValueError(
-            f"{what} is {shown(array.tolist())}: pass positive numbers, the "
-            f"smallest at least {LEAST_RATIO:g} of the largest"
-        )
+    check_weights(array, what)
     return array
 
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from meshing.bezier import BezierPatches
-from meshing.checks import FloatArray, as_floats, as_vector, shown
+from meshing.checks import as_vector
 from meshing.double_double import exact_sum
+from meshing.profiles import as_segments, as_weights
 
 
 def Extrusion(
@@ -46,8 +47,8 @@ def Extrusion(
     way = as_vector(direction, "Extrusion direction")
     if not way.any():
         raise ValueError("Extrusion direction is the zero vector: pass where the profile ends")
-    segments = _segments(profile)
-    given = _weights(weights, segments)
+    segments = as_segments(profile, "Extrusion profile", "(n + 1, 3)", 3)
+    given = as_weights(weights, segments, "Extrusion weights")
     size = float(np.linalg.norm(way))
     for i, segment in enumerate(segments):
         steps = np.diff(segment, axis=0)
@@ -73,54 +74,3 @@ def Extrusion(
             for (net, _), w in zip(nets, given, strict=True)
         ],
     )
-
-
-def _segments(profile: ArrayLike | Iterable[ArrayLike]) -> list[FloatArray]:
-    """Return the segments of a profile, each (n + 1, 3) float64."""
-    if isinstance(profile, str | bytes) or not isinstance(profile, Iterable):
-        raise TypeError(f"Extrusion profile is {shown(profile)}: pass Bezier points (n + 1, 3)")
-    parts = list(profile)
-    if not parts:
-        raise ValueError("Extrusion profile is empty: pass Bezier points (n + 1, 3)")
-    if as_floats(parts[0], "Extrusion profile[0]").ndim <= 1:
-        parts = [np.array(parts)]
-    segments = [as_floats(part, f"Extrusion profile segment {i}") for i, part in enumerate(parts)]
-    for i, segment in enumerate(segments):
-        if segment.ndim != 2 or segment.shape[1] != 3 or len(segment) < 2:
-            raise ValueError(
-                f"Extrusion profile segment {i} has shape {segment.shape}: pass (n + 1, 3)"
-            )
-        if not np.isfinite(segment).all():
-            bad = int(np.flatnonzero(~np.isfinite(segment).all(axis=1))[0])
-            raise ValueError(
-                f"Extrusion profile segment {i}, point {bad} is {segment[bad].tolist()}: pass finite "
-                "numbers"
-            )
-    return segments
-
-
-def _weights(
-    weights: ArrayLike | Sequence[ArrayLike | None] | None, segments: list[FloatArray]
-) -> list[FloatArray | None]:
-    """Return the weights of each segment, None for one without."""
-    if weights is None:
-        return [None] * len(segments)
-    if isinstance(weights, str | bytes) or not isinstance(weights, Iterable):
-        raise TypeError(f"Extrusion weights is {shown(weights)}: pass one for each point")
-    parts = list(weights)
-    if parts and parts[0] is not None and as_floats(parts[0], "Extrusion weights").ndim == 0:
-        parts = [np.array(parts)]
-    if len(parts) != len(segments):
-        raise ValueError(
-            f"Extrusion weights are of {len(parts)} segments, the profile has {len(segments)}: pass "
-            "weights, or None, for each"
-        )
-    found: list[FloatArray | None] = []
-    for i, (part, segment) in enumerate(zip(parts, segments, strict=True)):
-        array = None if part is None else as_floats(part, f"Extrusion weights of segment {i}")
-        if array is not None and array.shape != (len(segment),):
-            raise ValueError(
-                f"Extrusion weights of segment {i} have shape {array.shape}: pass ({len(segment)},)"
-            )
-        found.append(array)
-    return found

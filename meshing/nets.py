@@ -15,13 +15,7 @@ LEAST_RATIO = 1e-6
 
 
 def as_nets(control: ArrayLike | Iterable[ArrayLike]) -> FloatArray | list[FloatArray]:
-    """Return control nets: (k, m + 1, n + 1, 3), or a list of (m + 1, n + 1, 3) arrays.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For other shapes, degrees outside 1 to 30, and what is no array of numbers.
-    """
+    """Return control nets: (k, m + 1, n + 1, 3), or a list of (m + 1, n + 1, 3) arrays."""
     if isinstance(control, np.ndarray) and control.dtype != object:
         stack = as_floats(control, "BezierPatches control")
         if stack.ndim != 4 or stack.shape[3] != 3:
@@ -57,12 +51,7 @@ def _check_shape(shape: tuple[int, ...], name: str) -> None:
 def check_finite(
     control: FloatArray, starts: NDArray[np.int64], degrees: NDArray[np.int64]
 ) -> None:
-    """Refuse control points (total, 3) that are not finite, by patch and place.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Refuse control points (total, 3) that are not finite, by patch and place."""
     bad = np.flatnonzero(~np.isfinite(control).all(axis=1))
     if bad.size:
         p = int(np.searchsorted(starts, bad[0], side="right")) - 1
@@ -76,19 +65,7 @@ def check_finite(
 def as_weights(
     weights: ArrayLike | Sequence[ArrayLike], degrees: NDArray[np.int64]
 ) -> list[FloatArray]:
-    """Return the weights of each patch.
-
-    Parameters
-    ----------
-    weights : (k, m + 1, n + 1) array, or a sequence of (m + 1, n + 1) arrays
-    degrees : (k, 2) int64
-
-    Raises
-    ------
-    ValueError, TypeError
-        For a wrong shape, and weights that are not positive and finite, or differ by more than 1e6
-        within a patch.
-    """
+    """Return the weights (m + 1, n + 1) of each patch."""
     if not isinstance(weights, Sequence | np.ndarray) or isinstance(weights, str | bytes):
         raise TypeError(f"BezierPatches weights is {shown(weights)}: pass one array for each patch")
     if len(weights) != len(degrees):
@@ -111,22 +88,17 @@ def as_weights(
 
 
 def check_weights(weights: FloatArray, what: str) -> None:
-    """Refuse weights (m + 1, n + 1) that leave no convex hull; ``what`` is named.
-
-    Raises
-    ------
-    ValueError
-    """
-    for i, j in np.argwhere(~(np.isfinite(weights) & (weights > 0.0)))[:1]:
+    """Refuse weights of a curve or patch that leave no convex hull."""
+    for at in np.argwhere(~(np.isfinite(weights) & (weights > 0.0)))[:1].tolist():
         raise ValueError(
-            f"{what} is {weights[i, j]:g} at ({i}, {j}): pass finite numbers above 0 (a surface "
-            "with others may leave the convex hull of its control points)"
+            f"{what} is {weights[tuple(at)]:g} at {at[0] if len(at) == 1 else tuple(at)}: pass finite "
+            "numbers above 0 (with others, what they weight may leave the convex hull of its points)"
         )
     least, most = float(weights.min()), float(weights.max())
     if not least >= LEAST_RATIO * most:
         raise ValueError(
             f"{what} lies between {least:g} and {most:g}, more than {1.0 / LEAST_RATIO:g} apart: "
-            "pass weights of one patch closer together (subdivide it first)"
+            "pass weights closer together (subdivide the patch or segment first)"
         )
 
 

@@ -137,13 +137,7 @@ class NurbsSurface(PatchSheet):
         return np.concatenate([high, w], axis=2), np.concatenate([low, np.zeros_like(w)], axis=2)
 
     def _moved(self, by: Splitting, columns: Pair, axis: int) -> float:
-        """Return how far the surface moves where spans too short for patches follow their neighbours.
-
-        Raises
-        ------
-        ValueError
-            If that is more than knots of a dozen digits explain: the surface goes on between two of them.
-        """
+        """Return how far the surface moves where spans too short for patches follow their neighbours."""
         if not by.short:
             return 0.0
         points = columns[0].swapaxes(0, axis), columns[1].swapaxes(0, axis)
@@ -155,7 +149,7 @@ class NurbsSurface(PatchSheet):
             gaps += 2.0 * size * np.abs(w / w_own - 1.0)[..., 0]
         worst = int(gaps.max(axis=1).argmax())
         moved = float(gaps[worst].max())
-        if moved > MOST_MOVED * size:
+        if moved > MOST_MOVED * size:  # more than knots of a dozen digits explain
             k, side = by.short[worst], "uv"[axis]
             a, b = self._knots[axis][k : k + 2].tolist()
             raise ValueError(

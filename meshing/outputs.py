@@ -39,13 +39,7 @@ def check_writable(file: Path) -> None:
 
 @contextmanager
 def replacing(file: Path) -> Iterator[BinaryIO]:
-    """Open a new file that replaces one, if there is one, when it is complete.
-
-    Raises
-    ------
-    OSError
-        If that cannot be done, see `check_writable`; the message names the file.
-    """
+    """Open a new file that replaces one, if there is one, when it is complete; see `check_writable`."""
     with _named(file):
         old = _old(file)
         with _new(file, old) as new:
@@ -56,13 +50,7 @@ def replacing(file: Path) -> Iterator[BinaryIO]:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder for outputs, and those that it is in, if there is none.
-
-    Raises
-    ------
-    OSError
-        If there can be none; the message names it.
-    """
+    """Make a folder for outputs, and those that it is in, if there is none."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -18,13 +18,7 @@ NAME = "BezierPatches.from_polynomial"
 def net_of_polynomial(coefficients: ArrayLike, x: ArrayLike, y: ArrayLike) -> Pair:
     """Return the control net of z = sum of coefficients[i, j] x^i y^j over a rectangle.
 
-    It is computed in fractions: each number is the float next to the true one, and comes with what is
-    left of that.
-
-    Raises
-    ------
-    ValueError, TypeError
-        As for `BezierPatches.from_polynomial`.
+    It is computed in fractions: each number is the float next to the true one, with what is left of that.
     """
     c = as_floats(coefficients, f"{NAME} coefficients")
     if c.ndim != 2 or not all(1 <= count <= MAX_DEGREE + 1 for count in c.shape):

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from meshing.checks import FloatArray, as_floats, shown
 from meshing.kernels.bernstein import MAX_DEGREE
+from meshing.nets import check_weights
 
 # Radii down to minus this part of the profile's extent are roundings of zero.
 RADIUS_ROUNDING = 16.0 * 2.0**-52
@@ -24,8 +25,6 @@ LARGEST_GAP = 1e-9
 RADIUS_HALVINGS = 40
 # So near to 1, a turn is whole: ends of up to 2 are rounded to half of this.
 WHOLE_TURN = 2.0**-51
-# Weights that differ by more leave hulls that say nothing.
-LEAST_WEIGHT = 1e-6
 # Halvings of a rational segment for its box: the excess of the hull falls to 1 / 4096.
 BOX_HALVINGS = 6
 
@@ -35,73 +34,58 @@ def radius_rounding(segments: Iterable[FloatArray]) -> float:
     return RADIUS_ROUNDING * max(float(np.abs(segment).max()) for segment in segments)
 
 
-def as_segments(profile: ArrayLike | Iterable[ArrayLike]) -> list[FloatArray]:
-    """Return the segments of a profile, each (n + 1, 2) float64."""
-    wanted = "pass Bezier points (axial position, radius)"
+def as_segments(
+    profile: ArrayLike | Iterable[ArrayLike], name: str, shape: str, coordinates: int
+) -> list[FloatArray]:
+    """Return the segments of a profile, each (n + 1, coordinates) float64; ``shape`` says so in words."""
     if isinstance(profile, str | bytes) or not isinstance(profile, Iterable):
-        raise TypeError(f"{PROFILE} is {shown(profile)}: {wanted}")
-    parts = list(profile)
+        raise TypeError(f"{name} is {shown(profile)}: pass Bezier points {shape}")
+    parts: list[Any] = list(profile)
     if not parts:
-        raise ValueError(f"{PROFILE} is empty: {wanted}")
-    is_single = as_floats(parts[0], f"{PROFILE}[0]").ndim <= 1
-    arrays: list[Any] = [parts] if is_single else parts
-    names = [PROFILE] if is_single else [f"{PROFILE} segment {i}" for i in range(len(parts))]
-    segments = [as_floats(array, name).copy() for array, name in zip(arrays, names, strict=True)]
-    for segment, name in zip(segments, names, strict=True):
-        if segment.ndim != 2 or segment.shape[1] != 2:
-            whole = (
-                "; of circular_arc pass both, its segments and weights="
-                if segment.ndim == 3
-                else ""
-            )
-            raise ValueError(f"{name} has shape {segment.shape}: pass (n + 1, 2){whole}")
+        raise ValueError(f"{name} is empty: pass Bezier points {shape}")
+    names = [f"{name} segment {i}" for i in range(len(parts))]
+    if as_floats(parts[0], f"{name}[0]").ndim <= 1:
+        parts, names = [parts], [name]
+    segments = [as_floats(part, what).copy() for part, what in zip(parts, names, strict=True)]
+    for segment, what in zip(segments, names, strict=True):
+        if segment.ndim != 2 or segment.shape[1] != coordinates:
+            both = "; of circular_arc pass both, its segments and weights=" * (segment.ndim == 3)
+            raise ValueError(f"{what} has shape {segment.shape}: pass (n + 1, {coordinates}){both}")
         if not 1 <= len(segment) - 1 <= MAX_DEGREE:
-            raise ValueError(f"{name} has degree {len(segment) - 1}: pass 1 to {MAX_DEGREE}")
-        bad = np.flatnonzero(~np.isfinite(segment).all(axis=1))
-        if bad.size:
-            raise ValueError(
-                f"{name}, point {bad[0]} is {segment[bad[0]].tolist()}: pass finite numbers"
-            )
+            raise ValueError(f"{what} has degree {len(segment) - 1}: pass 1 to {MAX_DEGREE}")
+        for i in np.flatnonzero(~np.isfinite(segment).all(axis=1))[:1]:
+            raise ValueError(f"{what}, point {i} is {segment[i].tolist()}: pass finite numbers")
     return segments
 
 
 def as_weights(
-    weights: ArrayLike | Sequence[ArrayLike | None] | None, segments: list[FloatArray]
-) -> tuple[FloatArray | None, ...]:
-    """Return the weights of each segment; None where they are equal, so that nothing is divided."""
+    weights: ArrayLike | Sequence[ArrayLike | None] | None, segments: list[FloatArray], name: str
+) -> list[FloatArray | None]:
+    """Return the weights of each segment, None for one without."""
     if weights is None:
-        return (None,) * len(segments)
+        return [None] * len(segments)
     if isinstance(weights, str | bytes) or not isinstance(weights, Iterable):
-        raise TypeError(f"SurfaceOfRevolution weights is {shown(weights)}: pass one for each point")
-    parts = list(weights)
+        raise TypeError(f"{name} is {shown(weights)}: pass one for each point")
+    parts: list[Any] = list(weights)
     if len(segments) == 1 and (
-        not parts or (parts[0] is not None and as_floats(parts[0], "weights").ndim == 0)
+        not parts or (parts[0] is not None and as_floats(parts[0], name).ndim == 0)
     ):
-        parts = [np.array(parts)]
+        parts = [parts]
     if len(parts) != len(segments):
         raise ValueError(
-            f"SurfaceOfRevolution weights are of {len(parts)} segments, the profile has "
-            f"{len(segments)}: pass weights, or None, for each"
+            f"{name} are of {len(parts)} segments, the profile has {len(segments)}: pass weights, or "
+            "None, for each"
         )
     found: list[FloatArray | None] = []
     for i, (part, segment) in enumerate(zip(parts, segments, strict=True)):
-        if part is None:
-            found.append(None)
-            continue
-        name = f"SurfaceOfRevolution weights of segment {i}"
-        array = as_floats(part, name)
-        if array.shape != (len(segment),):
-            raise ValueError(f"{name} have shape {array.shape}: pass ({len(segment)},)")
-        if not (np.isfinite(array).all() and (array > 0.0).all()):
-            bad = int(np.flatnonzero(~(np.isfinite(array) & (array > 0.0)))[0])
-            raise ValueError(f"{name}, number {bad} is {array[bad]}: pass numbers above 0")
-        if array.min() < LEAST_WEIGHT * array.max():
-            raise ValueError(
-                f"{name} go from {array.min():g} to {array.max():g}: pass weights of which the "
-                f"smallest is at least {LEAST_WEIGHT:g} of the largest"
-            )
-        found.append(None if (array == array[0]).all() else array.copy())
-    return tuple(found)
+        what = f"{name} of segment {i}"
+        array = None if part is None else as_floats(part, what).copy()
+        if array is not None:
+            if array.shape != (len(segment),):
+                raise ValueError(f"{what} have shape {array.shape}: pass ({len(segment)},)")
+            check_weights(array, what)
+        found.append(array)
+    return found
 
 
 def as_part(u_range: ArrayLike) -> tuple[float, float]:
@@ -147,7 +131,7 @@ def pieces_of(net: FloatArray) -> FloatArray:
     return plain
 
 
-def check_segments(segments: list[FloatArray], weights: tuple[FloatArray | None, ...]) -> None:
+def check_segments(segments: Sequence[FloatArray], weights: Sequence[FloatArray | None]) -> None:
     """Check that radii are not negative, that segments join and have an extent."""
     points = np.concatenate(segments)
     rounding = radius_rounding(segments)

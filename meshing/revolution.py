@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from functools import cached_property
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from meshing.checks import (
     BoolArray,
     FloatArray,
+    IdArray,
     as_affine,
     as_direction,
     as_similarity,
@@ -26,6 +27,7 @@ from meshing.kernels import lathe, subdivision
 from meshing.nets import degrees_in_words
 from meshing.parametric import ParametricSurface
 from meshing.profiles import (
+    PROFILE,
     as_part,
     as_segments,
     as_weights,
@@ -100,61 +102,52 @@ class SurfaceOfRevolution(ParametricSurface):
         along = as_direction(axis, "SurfaceOfRevolution axis")
         radial = direction_across(along, reference, "SurfaceOfRevolution reference")
         place = as_vector(origin, "SurfaceOfRevolution origin")
-        segments = as_segments(profile)
-        self._set(segments, place, along, radial, as_weights(weights, segments), as_part(u_range))
+        segments = as_segments(profile, PROFILE, "(axial position, radius)", 2)
+        # Where they are equal nothing is divided.
+        heavy = tuple(
+            None if w is None or (w == w[0]).all() else w
+            for w in as_weights(weights, segments, "SurfaceOfRevolution weights")
+        )
         given = as_vector(axis, "SurfaceOfRevolution axis")
         exact, _ = unit_of(pair_of(np.ldexp(given, -math.frexp(float(np.abs(given).max()))[1])))
-        self._keep(np.stack([np.zeros(3), (exact[0] - along) + exact[1]]), 0.0)
-
-    def _keep(self, remainder: FloatArray, moved: float) -> None:
-        self.remainder, self.moved = freeze(remainder), moved
+        left = np.stack([np.zeros(3), (exact[0] - along) + exact[1]])
+        self._set(segments, place, along, radial, heavy, as_part(u_range), left)
 
     def rounded(self) -> SurfaceOfRevolution:
         """Return the surface about origin and axis as float64 has them, without remainders."""
-        frame = self.origin.copy(), self.axis.copy(), self.radial.copy()
-        return self._from_frame(list(self.segments), *frame, self.weights, self.u_range)
+        frame = self.origin, self.axis, self.radial
+        return self._from_frame(self.segments, *frame, self.weights, self.u_range)
 
     def _set(
         self,
-        segments: list[FloatArray],
+        segments: Sequence[FloatArray],
         origin: FloatArray,
         axis: FloatArray,
         radial: FloatArray,
         weights: Weights,
         u_range: tuple[float, float],
+        remainder: FloatArray | None = None,
+        moved: float = 0.0,
     ) -> None:
         check_segments(segments, weights)
-        self._keep(np.zeros((2, 3)), 0.0)
-        self.segments = tuple(freeze(segment) for segment in segments)
-        self.weights = tuple(None if w is None else freeze(w) for w in weights)
+        self.segments = tuple(freeze(np.array(segment)) for segment in segments)
+        self.weights = tuple(None if w is None else freeze(np.array(w)) for w in weights)
         self.u_range = u_range
-        self.origin = freeze(origin)
-        self.axis = freeze(axis)
-        self.radial = freeze(radial)
+        self.origin, self.axis, self.radial = (freeze(np.array(x)) for x in (origin, axis, radial))
         self.binormal = freeze(np.cross(axis, radial))
-        if self.is_rational:
-            self._profile = freeze(np.concatenate(self.homogeneous))
-        else:
-            self._profile = freeze(np.concatenate(segments))
+        self.remainder = freeze(np.zeros((2, 3)) if remainder is None else np.array(remainder))
+        self.moved = moved
+        rows = self.homogeneous if self.is_rational else self.segments
+        self._profile = freeze(np.concatenate(rows))
         self._starts = np.cumsum([0, *map(len, segments)], dtype=np.int64)
         self._starts.setflags(write=False)
-        self._frame = freeze(np.stack((origin, axis, radial, self.binormal)))
+        self._frame = freeze(np.stack((self.origin, self.axis, self.radial, self.binormal)))
 
     @classmethod
-    def _from_frame(
-        cls,
-        segments: list[FloatArray],
-        origin: FloatArray,
-        axis: FloatArray,
-        radial: FloatArray,
-        weights: Weights,
-        u_range: tuple[float, float],
-    ) -> SurfaceOfRevolution:
+    def _from_frame(cls, *parts: Any) -> SurfaceOfRevolution:
+        """Return the surface of what `_set` takes."""
         surface = cls.__new__(cls)
-        surface._set(
-            [segment.copy() for segment in segments], origin, axis, radial,
-            tuple(None if w is None else w.copy() for w in weights), u_range,
-        )  # fmt: skip
+        surface._set(*parts)
         return surface
 
     @property
@@ -226,8 +219,7 @@ class SurfaceOfRevolution(ParametricSurface):
         frame = [np.array(vector) for vector in (self.origin, self.axis, self.radial)]
         weights = tuple(None if w is None else np.array(w) for w in self.weights)
         parts = [np.array(s) for s in self.segments], *frame, weights, self.u_range
-        state = {"remainder": np.array(self.remainder), "moved": self.moved}
-        return SurfaceOfRevolution._from_frame, parts, state
+        return SurfaceOfRevolution._from_frame, (*parts, np.array(self.remainder), self.moved)
 
     @cached_property
     def patch_bounds(self) -> FloatArray:
@@ -287,19 +279,10 @@ class SurfaceOfRevolution(ParametricSurface):
         return freeze(np.array(boxes))
 
     def transformed(self, matrix: ArrayLike) -> SurfaceOfRevolution:
-        """Return the image under a similarity, with the same (u, v).
+        """Return the image under a similarity; see `meshing.surface.Surface.transformed`.
 
-        Parameters
-        ----------
-        matrix : (4, 4) array
-            Acts on columns (x, y, z, 1): rotation, shift, uniform scale, reflection. A reflection
-            reverses the axis of the image, and the axial positions change sign, because u stays a
-            right-handed angle about the axis.
-
-        Raises
-        ------
-        ValueError, TypeError
-            For any other matrix.
+        A reflection reverses the axis of the image, and the axial positions change sign, because u stays a
+        right-handed angle about the axis.
         """
         orthogonal, shift, scale, is_reflection = as_similarity(
             matrix,
@@ -315,10 +298,10 @@ class SurfaceOfRevolution(ParametricSurface):
         linear, _ = as_affine(matrix, "SurfaceOfRevolution")
         left_origin, left_axis = self.remainder
         origin, left = affine_image(linear, shift, (self.origin, left_origin))
-        image = self._from_frame(segments, origin, axis, radial, self.weights, self.u_range)
+        frame = np.stack([axis, radial, np.cross(axis, radial)])
         # The matrix moves points about the middle of the profile as scale and frame of the image do, but
         # for this; and what products with the scale round.
-        misfit = linear @ self._frame[1:].T - scale * (image._frame[1:] * [[sign], [1.0], [1.0]]).T
+        misfit = linear @ self._frame[1:].T - scale * (frame * [[sign], [1.0], [1.0]]).T
         points = np.concatenate(self.segments)
         moved = scale * self.moved
         left_axis = sign * (linear @ left_axis) / scale
@@ -335,36 +318,32 @@ class SurfaceOfRevolution(ParametricSurface):
             left = left + sign * middle * excess * axis
             radius = float(np.hypot(points[:, 0] - middle, points[:, 1]).max())
             moved += radius * (float(np.linalg.norm(misfit, 2)) + 2.0**-51 * scale)
-        image._keep(np.stack([left, left_axis]), moved)
-        return image
+        return self._from_frame(
+            segments, origin, axis, radial, self.weights, self.u_range, (left, left_axis), moved
+        )
 
     def flipped(self) -> SurfaceOfRevolution:
         """Return the same surface drawn from its other end, so with the opposite normal.
 
         Parameters become (u, 1 - v), and segments are counted from the other end.
         """
-        segments = [segment[::-1].copy() for segment in reversed(self.segments)]
+        segments = [segment[::-1] for segment in reversed(self.segments)]
         weights = tuple(None if w is None else w[::-1] for w in reversed(self.weights))
-        frame = self.origin.copy(), self.axis.copy(), self.radial.copy()
-        made = self._from_frame(segments, *frame, weights, self.u_range)
-        made._keep(self.remainder, self.moved)
-        return made
+        frame = self.origin, self.axis, self.radial
+        left = self.remainder, self.moved
+        return self._from_frame(segments, *frame, weights, self.u_range, *left)
 
-    def _fill(
-        self,
-        ids: NDArray[np.int64],
-        u: FloatArray,
-        v: FloatArray,
-        order_u: int,
-        order_v: int,
-        out: FloatArray,
-    ) -> None:
+    def _derivatives(
+        self, u: FloatArray, v: FloatArray, patch_id: IdArray, order_u: int, order_v: int
+    ) -> FloatArray:
+        out = np.empty((u.size, 3))
         lathe.evaluate_lathe(
-            self._profile, self._starts, self._frame, ids, self._turns(u), v, order_u, order_v,
+            self._profile, self._starts, self._frame, patch_id, self._turns(u), v, order_u, order_v,
             self.is_rational or None, out,
         )  # fmt: skip
         if not self.is_whole_turn:
             out *= (self.u_range[1] - self.u_range[0]) ** order_u
+        return out
 
     def _turns(self, u: FloatArray) -> FloatArray:
         """Return u in whole turns from the reference."""
@@ -377,15 +356,10 @@ class SurfaceOfRevolution(ParametricSurface):
         )
         return turns
 
-    def _fill_normals(
-        self,
-        ids: NDArray[np.int64],
-        u: FloatArray,
-        v: FloatArray,
-        out: FloatArray,
-        is_degenerate: BoolArray,
-    ) -> None:
+    def _normals(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        out, is_degenerate = np.empty((u.size, 3)), np.empty(u.size, np.bool_)
         lathe.normals_of_lathe(
-            self._profile, self._starts, self._frame, ids, self._turns(u), v,
+            self._profile, self._starts, self._frame, patch_id, self._turns(u), v,
             self.is_rational or None, out, is_degenerate,
         )  # fmt: skip
+        return out

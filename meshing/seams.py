@@ -27,27 +27,13 @@ _SWEEP = np.array([0.5377, 0.6421, 0.5464])
 
 @dataclass(frozen=True)
 class Seams:
-    """Identities between corners and edges of pieces.
+    """Identities between corners and edges of k pieces."""
 
-    Attributes
-    ----------
-    corner : (4 k,) int64
-        Label of each corner; the same point has the same label.
-    group : (4 k,) int64
-        Representative of the edges that are the same as this one.
-    is_reversed : (4 k,) bool
-        Whether the edge runs against ``group``.
-    is_collapsed : (4 k,) bool
-        Whether the edge is a single point.
-    gap : float
-        Largest distance of points that were welded.
-    """
-
-    corner: NDArray[np.int64]
-    group: NDArray[np.int64]
-    is_reversed: NDArray[np.bool_]
-    is_collapsed: NDArray[np.bool_]
-    gap: float
+    corner: NDArray[np.int64]  # (4 k,), a label; the same point has the same label
+    group: NDArray[np.int64]  # (4 k,), representative of the edges that are the same as this one
+    is_reversed: NDArray[np.bool_]  # (4 k,), whether the edge runs against ``group``
+    is_collapsed: NDArray[np.bool_]  # (4 k,), whether the edge is a single point
+    gap: float  # largest distance of points that were welded
 
     @property
     def corners_apart(self) -> NDArray[np.int64]:
@@ -119,11 +105,7 @@ def _kinds_of_weights(
 
 
 def seams_of_revolution(surface: SurfaceOfRevolution) -> Seams:
-    """Find the seam, the joints of the profile, and its ends on the axis.
-
-    Joints that the surface accepted are welded even where rounding of the profile leaves a small
-    gap; so are the ends of a closed profile.
-    """
+    """Find the seam, the joints of the profile, also those with a gap of rounding, its ends on the axis."""
     segments = surface.segments
     k = len(segments)
     ends = np.array([[segment[0], segment[-1]] for segment in segments])

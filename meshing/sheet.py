@@ -6,10 +6,10 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from meshing.bezier import BezierPatches
-from meshing.checks import BoolArray, FloatArray, as_floats, freeze, shown, whole
+from meshing.checks import FloatArray, IdArray, as_floats, freeze, shown, whole
 from meshing.parametric import ParametricSurface
 from meshing.spans import within_patch
 
@@ -52,11 +52,11 @@ class PatchSheet(ParametricSurface):
             np.searchsorted(self._from_u, array[:, 0]),
             np.searchsorted(self._from_v, array[:, 2]),
         )
-        self._patch_at = np.full((len(self._from_u), len(self._from_v)), -1)
-        self._patch_at[i, j] = np.arange(len(pieces))
+        self._patch_of_cell = np.full((len(self._from_u), len(self._from_v)), -1)
+        self._patch_of_cell[i, j] = np.arange(len(pieces))
         until_u, until_v = np.append(self._from_u, 1.0)[i + 1], np.append(self._from_v, 1.0)[j + 1]
-        is_grid = self._from_u[0] == self._from_v[0] == 0.0 and self._patch_at.min() >= 0
-        is_grid &= len(pieces) == self._patch_at.size
+        is_grid = self._from_u[0] == self._from_v[0] == 0.0 and self._patch_of_cell.min() >= 0
+        is_grid &= len(pieces) == self._patch_of_cell.size
         if not (is_grid and (array[:, 1] == until_u).all() and (array[:, 3] == until_v).all()):
             raise ValueError(
                 f"PatchSheet spans {shown(array.tolist())} are no grid: pass u0, u1, v0, v1 of each "
@@ -73,10 +73,6 @@ class PatchSheet(ParametricSurface):
         rows, columns : int
             Number of patches along u, and along v: patch p is in row ``p // columns`` and column
             ``p % columns``. All cover equal parts of the unit square.
-
-        Returns
-        -------
-        PatchSheet
 
         Raises
         ------
@@ -119,8 +115,8 @@ class PatchSheet(ParametricSurface):
         They meet if the control points of u = 0 and u = 1 are equal, and their weights up to a
         common power of two.
         """
-        first, last = self._patch_at[[0, -1]]
-        low, high = self._patch_at[:, [0, -1]].T
+        first, last = self._patch_of_cell[[0, -1]]
+        low, high = self._patch_of_cell[:, [0, -1]].T
         return (
             all(self._pieces.meet(a, b, 0) for a, b in zip(first, last, strict=True)),
             all(self._pieces.meet(a, b, 1) for a, b in zip(low, high, strict=True)),
@@ -139,38 +135,23 @@ class PatchSheet(ParametricSurface):
         """Return the same surface with u and v swapped, so with the opposite normal."""
         return type(self)(self._pieces.flipped(), self._spans[:, [2, 3, 0, 1]])
 
-    def _piece_of(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None) -> ArrayLike:
-        if patch_id is not None:
-            return patch_id
+    def _patch_at(self, u: ArrayLike, v: ArrayLike) -> ArrayLike:
         # Parameters a little outside belong to the patch on that side.
         i = np.searchsorted(self._from_u, as_floats(u, "u"), side="right") - 1
         j = np.searchsorted(self._from_v, as_floats(v, "v"), side="right") - 1
         try:
-            return self._patch_at[np.maximum(i, 0), np.maximum(j, 0)]
+            return self._patch_of_cell[np.maximum(i, 0), np.maximum(j, 0)]
         except IndexError:
             return 0  # shapes that do not broadcast: refused by the caller, in its words
 
-    def _fill(
-        self,
-        ids: NDArray[np.int64],
-        u: FloatArray,
-        v: FloatArray,
-        order_u: int,
-        order_v: int,
-        out: FloatArray,
-    ) -> None:
-        u, v = within_patch(self._spans, u, v, ids)
-        self._pieces._fill(ids, u, v, order_u, order_v, out)
-        u0, u1, v0, v1 = self._spans[ids].T
-        out /= ((u1 - u0) ** order_u * (v1 - v0) ** order_v)[:, None]
+    def _derivatives(
+        self, u: FloatArray, v: FloatArray, patch_id: IdArray, order_u: int, order_v: int
+    ) -> FloatArray:
+        u, v = within_patch(self._spans, u, v, patch_id)
+        u0, u1, v0, v1 = self._spans[patch_id].T
+        widths: FloatArray = (u1 - u0) ** order_u * (v1 - v0) ** order_v
+        slopes = self._pieces._derivatives(u, v, patch_id, order_u, order_v)
+        return slopes / widths[:, None]
 
-    def _fill_normals(
-        self,
-        ids: NDArray[np.int64],
-        u: FloatArray,
-        v: FloatArray,
-        out: FloatArray,
-        is_degenerate: BoolArray,
-    ) -> None:
-        u, v = within_patch(self._spans, u, v, ids)
-        self._pieces._fill_normals(ids, u, v, out, is_degenerate)
+    def _normals(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        return self._pieces._normals(*within_patch(self._spans, u, v, patch_id), patch_id)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from meshing.checks import FloatArray
+from meshing.checks import FloatArray, IdArray, broadcast_parameters
 
 if TYPE_CHECKING:
     from meshing.area import AreaSampler
@@ -47,8 +47,7 @@ class Surface(ABC):
         """Return the number of patches; ``patch_id`` counts them from 0."""
         return 1
 
-    @abstractmethod
-    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
+    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None = None) -> FloatArray:
         """Return the points (..., 3) float64 at (u, v) of patches, scene units.
 
         The leading axes are those that ``u``, ``v`` and ``patch_id`` broadcast to: (3,) for scalars.
@@ -58,30 +57,62 @@ class Surface(ABC):
         u, v : float array-like
             Parameters, from 0 to 1 on the surface: beyond, its polynomials go on. They broadcast with each
             other and with ``patch_id``.
-        patch_id : int array-like
-            Patch of each (u, v).
+        patch_id : int array-like, optional
+            Patch, profile segment or face of each (u, v). Default: the first, or on a sheet of patches the
+            one that holds (u, v).
 
         Raises
         ------
         ValueError, TypeError
             If they do not broadcast, or there is no such patch.
         """
+        u, v, ids, shape = self._flat(u, v, patch_id)
+        return self._points(u, v, ids).reshape(*shape, 3)
 
-    @abstractmethod
     def partials(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the first partials S_u and S_v, each shaped like `point`.
+        """Return the first partials S_u and S_v; arguments, shapes and errors are those of `point`."""
+        u, v, ids, shape = self._flat(u, v, patch_id)
+        s_u, s_v = self._partials(u, v, ids)
+        return s_u.reshape(*shape, 3), s_v.reshape(*shape, 3)
 
-        Arguments and errors are those of `point`.
+    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None = None) -> FloatArray:
+        """Return unit normals along S_u x S_v; arguments, shapes and errors are those of `point`.
+
+        Where S_u x S_v vanishes (a collapsed edge, a cusp, a pole), this is its limit from inside.
         """
+        u, v, ids, shape = self._flat(u, v, patch_id)
+        return self._normals(u, v, ids).reshape(*shape, 3)
+
+    def _flat(
+        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None
+    ) -> tuple[FloatArray, FloatArray, IdArray, tuple[int, ...]]:
+        patch = self._patch_at(u, v) if patch_id is None else patch_id
+        return broadcast_parameters(u, v, patch, len(self))
+
+    # --- of n points, whose patches exist
+
+    def _patch_at(self, u: ArrayLike, v: ArrayLike) -> ArrayLike:
+        """Return the patches that hold (u, v), where none are given."""
+        del u, v
+        return 0
 
     @abstractmethod
-    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return unit normals along S_u x S_v, shaped like `point`.
+    def _points(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        """Return the points (n, 3)."""
 
-        Arguments and errors are those of `point`.
-        """
+    @abstractmethod
+    def _partials(
+        self, u: FloatArray, v: FloatArray, patch_id: IdArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return S_u and S_v, each (n, 3)."""
+
+    @abstractmethod
+    def _normals(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        """Return the unit normals (n, 3)."""
+
+    # --- shape
 
     @property
     @abstractmethod
@@ -89,8 +120,20 @@ class Surface(ABC):
         """(2, 3) float64: lower and upper corner of the axis-aligned bounding box."""
 
     @abstractmethod
-    def transformed(self, matrix: ArrayLike) -> Self:
-        """Return the image under a (4, 4) matrix that acts on columns (x, y, z, 1)."""
+    def transformed(self, matrix: ArrayLike) -> Surface:
+        """Return the image under an affine map; (u, v) stay with their points.
+
+        Parameters
+        ----------
+        matrix : (4, 4) array
+            Acts on columns (x, y, z, 1); last row (0, 0, 0, 1); not singular. Spheres, tori, aspheres and
+            surfaces of revolution take similarities: rotation, shift, uniform scale, reflection.
+
+        Raises
+        ------
+        ValueError, TypeError
+            For any other matrix.
+        """
 
     @abstractmethod
     def flipped(self) -> Self:
@@ -151,21 +194,11 @@ class Surface(ABC):
         """
         return self.reach
 
-    # --- light
-
     def area_sampler(self) -> AreaSampler | None:
-        """Return the area sampler of the surface; None if it is unbounded.
-
-        Raises
-        ------
-        ValueError
-            If the area is zero. The caller names the surface.
-        """
+        """Return the area sampler; None: it is unbounded. A ValueError says that the area is 0."""
         from meshing.area import Grid
 
         return Grid(self) if self.is_bounded else None
-
-    # --- shape
 
     @property
     def ball(self) -> tuple[FloatArray, float] | None:
@@ -187,11 +220,5 @@ class Surface(ABC):
         return None
 
     def triangles(self) -> CertifiedMesh:
-        """Return the triangles of a surface made of triangles; for others see `tessellate`.
-
-        Raises
-        ------
-        TypeError
-            If it is not made of triangles.
-        """
+        """Return the triangles of a surface that is made of them; of others `tessellate` makes some."""
         raise TypeError(f"{type(self).__name__} is not made of triangles")

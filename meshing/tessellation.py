@@ -114,13 +114,7 @@ class Cut(NamedTuple):
 
 @singledispatch
 def cut(surface: object, tolerance: float, max_triangles: int) -> Cut:
-    """Cut a surface into leaves; each class of free-form surfaces registers its function.
-
-    Raises
-    ------
-    TypeError
-        For other surfaces.
-    """
+    """Cut a surface into leaves; each class of free-form surfaces registers its function."""
     del tolerance, max_triangles
     raise TypeError(
         f"tessellate surface is {shown(surface)}: pass BezierPatches, a NurbsSurface, an Extrusion or a "

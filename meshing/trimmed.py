@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import cached_property
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from meshing.checks import (
     BoolArray,
     FloatArray,
+    IdArray,
     as_affine,
     as_floats,
     broadcast_parameters,
@@ -35,6 +37,11 @@ WHOLE_TURNS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 0), (0, 2), (2, 1), (2, -1),
 # Borders nearer to each other than this, over the size of the surface, were meant to meet; a loop that leaves the
 # unit square by less is not meant to go on beyond.
 MEANT_TO_MEET, BEYOND, GAPS = 1e-9, 1e-5, 4.0
+
+
+def _own(name: str) -> Any:
+    """Return a property that is that of the untrimmed surface."""
+    return property(attrgetter(f"surface.{name}"), doc="That of the untrimmed surface.")
 
 
 class TrimmedSurface(Surface):
@@ -147,6 +154,12 @@ class TrimmedSurface(Surface):
         )
         return float(np.linalg.norm(end - begin, axis=1).max())
 
+    closes, poles = _own("closes"), _own("poles")
+    is_freeform, is_flat = _own("is_freeform"), _own("is_flat")
+    bounds, middle, size = _own("bounds"), _own("middle"), _own("size")
+    rounding_reach, revolution_frame = _own("rounding_reach"), _own("revolution_frame")
+    pieces = _own("pieces")
+
     def __len__(self) -> int:
         """Return the number of patches of the surface."""
         return len(self.surface)
@@ -160,26 +173,6 @@ class TrimmedSurface(Surface):
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle surface and loops; loading checks them again."""
         return type(self), (self.surface, [list(loop) for loop in self.loops], self.gap)
-
-    @property
-    def closes(self) -> tuple[bool, bool]:
-        """Whether loops may cross the seam of u, and that of v: as the surface closes."""
-        return self.surface.closes
-
-    @property
-    def is_freeform(self) -> bool:  # type: ignore[override]
-        """As the surface is."""
-        return self.surface.is_freeform
-
-    @property
-    def is_flat(self) -> bool:  # type: ignore[override]
-        """As the surface is."""
-        return self.surface.is_flat
-
-    @property
-    def poles(self) -> tuple[bool, bool]:
-        """Those of the untrimmed surface."""
-        return self.surface.poles
 
     def contains(self, u: ArrayLike, v: ArrayLike) -> tuple[BoolArray, BoolArray]:
         """Tell which (u, v) are inside the loops.
@@ -198,7 +191,7 @@ class TrimmedSurface(Surface):
             2^-52 (8 d + 14), or twice that if curves leave the unit square. Elsewhere ``inside`` is
             proven.
         """
-        u, v, _, shape = broadcast_parameters(u, v, 0, 1, "patch_id")
+        u, v, _, shape = broadcast_parameters(u, v, 0, 1)
         inside, in_band = np.empty(u.size, np.bool_), np.empty(u.size, np.bool_)
         classify_points(self.table, 0, u, v, inside, in_band)
         return inside.reshape(shape), in_band.reshape(shape)
@@ -208,12 +201,9 @@ class TrimmedSurface(Surface):
         return boxes_outside(self.table, 0, boxes)
 
     def sides(self, boxes: FloatArray) -> NDArray[np.uint8]:
-        """Tell whether boxes (k, 4) u0, u1, v0, v1 are inside the loops, outside, or crossed.
+        """Tell whether boxes (k, 4) u0, u1, v0, v1 are `INSIDE` the loops, `OUTSIDE` or `CROSSED`.
 
-        Returns
-        -------
-        (k,) uint8
-            `INSIDE`, `OUTSIDE` or `CROSSED` of `meshing.kernels.trims`. The first two are proven.
+        These are of `meshing.kernels.trims`; the first two are proven.
         """
         return sides_of_boxes(self.table, 0, boxes)
 
@@ -221,13 +211,6 @@ class TrimmedSurface(Surface):
     def table(self) -> TrimTable:
         """The loops as the classifier takes them."""
         return make_table([self])
-
-    # --- the surface's own
-
-    @property
-    def pieces(self) -> Surface:
-        """The patches of the surface, untrimmed."""
-        return self.surface.pieces
 
     @cached_property
     def spans(self) -> FloatArray | None:
@@ -245,62 +228,29 @@ class TrimmedSurface(Surface):
         """
         return self.spans if self.surface.spans is None else None
 
-    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None = None) -> FloatArray:
-        """Return points of the surface, also outside the loops; see its own `point`."""
-        where, _ = self._own(u, v, patch_id)
-        return self.surface.point(*where)
+    def _patch_at(self, u: ArrayLike, v: ArrayLike) -> ArrayLike:
+        if self.joined_spans is None:
+            return self.surface._patch_at(u, v)
+        return np.searchsorted(self.joined_spans[1:, 2], as_floats(v, "v"), side="right")
 
-    def partials(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None = None
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the first partials S_u and S_v, each shaped like `point`."""
-        where, width = self._own(u, v, patch_id)
-        along_u, along_v = self.surface.partials(*where)
-        return along_u, along_v / width
-
-    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None = None) -> FloatArray:
-        """Return unit normals along S_u x S_v, shaped like `point`."""
-        where, _ = self._own(u, v, patch_id)
-        return self.surface.normal(*where)
-
-    def _own(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike | None
-    ) -> tuple[tuple[Any, ...], Any]:
-        """Return arguments of the surface's own functions, and how wide their piece is in v."""
+    def _within(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> tuple[Any, ...]:
+        """Return what the surface's own functions take of points."""
         spans = self.joined_spans
-        if spans is None:
-            return ((u, v) if patch_id is None else (u, v, patch_id)), 1.0
-        if patch_id is None:
-            patch_id = np.searchsorted(spans[1:, 2], as_floats(v, "v"), side="right")
-        u, v, ids, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
-        u, v = within_patch(spans, u, v, ids)
-        width = spans[ids, 3] - spans[ids, 2]
-        return (u.reshape(shape), v.reshape(shape), ids.reshape(shape)), width.reshape(*shape, 1)
+        return *((u, v) if spans is None else within_patch(spans, u, v, patch_id)), patch_id
 
-    @property
-    def bounds(self) -> FloatArray:
-        """(2, 3) float64: a box around the untrimmed surface."""
-        return self.surface.bounds
+    def _points(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        return self.surface._points(*self._within(u, v, patch_id))
 
-    @property
-    def middle(self) -> FloatArray:
-        """(3,) float64: that of the untrimmed surface."""
-        return self.surface.middle
+    def _partials(
+        self, u: FloatArray, v: FloatArray, patch_id: IdArray
+    ) -> tuple[FloatArray, FloatArray]:
+        s_u, s_v = self.surface._partials(*self._within(u, v, patch_id))
+        if self.joined_spans is not None:
+            s_v /= np.diff(self.joined_spans[patch_id, 2:], axis=1)
+        return s_u, s_v
 
-    @property
-    def size(self) -> float:
-        """Diameter of the untrimmed surface, scene units."""
-        return self.surface.size
-
-    @property
-    def rounding_reach(self) -> float:
-        """That of the untrimmed surface."""
-        return self.surface.rounding_reach
-
-    @property
-    def revolution_frame(self) -> FloatArray | None:
-        """That of the untrimmed surface."""
-        return self.surface.revolution_frame
+    def _normals(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        return self.surface._normals(*self._within(u, v, patch_id))
 
     def transformed(self, matrix: ArrayLike) -> TrimmedSurface:
         """Return the image, with the same (u, v) and loops; the gap grows by the largest scale."""
@@ -326,13 +276,7 @@ class TrimmedSurface(Surface):
         return Curve2(curve.control * (1.0, -1.0) + (0.0, 1.0), curve.weights)
 
     def area_sampler(self) -> TrimmedCells:
-        """Return the area sampler: some points that it chooses are outside the loops.
-
-        Raises
-        ------
-        ValueError
-            If nothing of the surface is inside the loops. The caller names the surface.
-        """
+        """Return the area sampler: some points that it chooses are outside the loops."""
         return self._area_sampler
 
     @cached_property

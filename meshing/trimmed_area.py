@@ -8,15 +8,17 @@ the density is that of the cells, and no area inside the loops needs to be known
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from meshing.area import CELLS, CellSampler, IdArray, Patches, stretch_of
-from meshing.checks import BoolArray, FloatArray
+from meshing.area import CELLS, CellSampler, Place, stretch_of
+from meshing.checks import BoolArray, FloatArray, IdArray
 from meshing.kernels.trims import CROSSED, OUTSIDE
 from meshing.spans import across, within_patch
+
+if TYPE_CHECKING:
+    from meshing.trimmed import TrimmedSurface
 
 # Cells of a whole surface at least, as of surfaces without loops, and cells of a small part of one.
 FEWEST_WHOLE, FEWEST = 4096, 1024
@@ -30,18 +32,6 @@ DEEPEST = 22
 POINTS = 4
 # A crossed cell counts at least this part as inside: half of one of its points.
 LEAST_INSIDE = 0.5 / POINTS**2
-
-
-class Trimmed(Patches, Protocol):
-    """What is asked of a trimmed surface besides its patches."""
-
-    def sides(self, boxes: FloatArray) -> NDArray[np.uint8]:
-        """Tell on which side of the loops boxes (k, 4) u0, u1, v0, v1 are."""
-        ...
-
-    def contains(self, u: FloatArray, v: FloatArray) -> tuple[BoolArray, BoolArray]:
-        """Tell which (u, v) are inside the loops, and which are undecided."""
-        ...
 
 
 class _Cells(NamedTuple):
@@ -65,18 +55,9 @@ class TrimmedCells(CellSampler):
 
     `choose` also returns points outside the loops, in cells that an edge crosses: these are to be
     given up, and counted as sampled.
-
-    Parameters
-    ----------
-    surface : TrimmedSurface
-
-    Raises
-    ------
-    ValueError
-        If nothing of the surface is inside the loops, or its area is 0. The caller names the surface.
     """
 
-    def __init__(self, surface: Trimmed) -> None:
+    def __init__(self, surface: TrimmedSurface) -> None:
         self._spans, self._surface = surface.spans, surface.pieces
         cells = _cells(surface)
         if not cells.patch.size:
@@ -94,7 +75,7 @@ class TrimmedCells(CellSampler):
         super().__init__(np.sqrt(whole * seen))
         self.area = float(inside.sum()) or float(seen.sum())
 
-    def _areas(self, surface: Trimmed) -> tuple[FloatArray, FloatArray]:
+    def _areas(self, surface: TrimmedSurface) -> tuple[FloatArray, FloatArray]:
         """Return the approximate areas of cells, and of their parts inside the loops."""
         every, crossed = np.arange(self._first.size), np.flatnonzero(self._cells.is_crossed)
         whole, inside = np.zeros((2, every.size))
@@ -109,24 +90,18 @@ class TrimmedCells(CellSampler):
                 inside += part
         return whole, inside
 
-    def _within(
-        self, cell: IdArray, xi: FloatArray, eta: FloatArray
-    ) -> tuple[IdArray, FloatArray, FloatArray]:
+    def _within(self, cell: IdArray, xi: FloatArray, eta: FloatArray) -> Place:
         """Return (patch_id, u, v) of points in cells, in the parameters of their patches."""
         side = 2.0 ** -self._cells.level[cell]
         u, v = (self._cells.i[cell] + xi) * side, (self._cells.j[cell] + eta) * side
         return self._cells.patch[cell], u, v
 
-    def within(
-        self, cell: IdArray, xi: FloatArray, eta: FloatArray
-    ) -> tuple[IdArray, FloatArray, FloatArray]:
+    def within(self, cell: IdArray, xi: FloatArray, eta: FloatArray) -> Place:
         """Return (patch_id, u, v) of points chosen within cells."""
         patch, u, v = self._within(cell, xi, eta)
         return (patch, u, v) if self._spans is None else (patch, *across(self._spans, u, v, patch))
 
-    def cell_of(
-        self, patch_id: IdArray, u: FloatArray, v: FloatArray
-    ) -> tuple[IdArray, FloatArray, FloatArray]:
+    def cell_of(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> Place:
         """Return (cell, xi, eta) of points: what `within` takes. Points in no cell get another."""
         cell, _, u, v = self._find(patch_id, u, v)
         side = 2.0 ** self._cells.level[cell]
@@ -163,7 +138,7 @@ class TrimmedCells(CellSampler):
         return cell, (self._first[cell] <= code) & (code < self._end[cell]), u, v
 
 
-def _cells(surface: Trimmed) -> _Cells:
+def _cells(surface: TrimmedSurface) -> _Cells:
     """Cut the patches of a surface into cells that are not outside the loops."""
     n = len(surface)
     zero = np.zeros(n, np.int64)
@@ -184,7 +159,7 @@ def _cells(surface: Trimmed) -> _Cells:
     return cells
 
 
-def _quartered(surface: Trimmed, cells: _Cells, chosen: BoolArray) -> _Cells:
+def _quartered(surface: TrimmedSurface, cells: _Cells, chosen: BoolArray) -> _Cells:
     """Cut chosen cells into four; leave out those outside the loops."""
     quarter = np.tile(np.arange(4), chosen.sum())
     patch, i, j, level, is_crossed = cells.at(np.repeat(np.flatnonzero(chosen), 4))

@@ -120,13 +120,13 @@ def make_table(members: Sequence[Any]) -> TrimTable:
         tiles.append(np.full(side * side, OUTSIDE, np.uint8))
         n_slabs, n_tiles = n_slabs + count, n_tiles + side * side
     table = TrimTable(
-        net=np.concatenate(nets),
-        arc=np.concatenate([a.reshape(-1, 2) for a in arcs]),
-        piece=np.concatenate([p.reshape(-1, 6) for p in pieces]),
+        net=np.concatenate([np.empty((0, 3)), *nets]),
+        arc=np.concatenate([np.empty((0, 2), np.int64), *(a.reshape(-1, 2) for a in arcs)]),
+        piece=np.concatenate([np.empty((0, 6)), *(p.reshape(-1, 6) for p in pieces)]),
         slab=np.concatenate(slabs),
-        listed=np.concatenate(listed).astype(np.int32),
-        tile=np.concatenate(tiles),
-        member=np.array(rows, np.int64),
+        listed=np.concatenate([np.empty(0, np.int32), *listed]).astype(np.int32),
+        tile=np.concatenate([np.empty(0, np.uint8), *tiles]),
+        member=np.array(rows, np.int64).reshape(-1, 5),
         error=np.array(errors),
     )
     at = 0

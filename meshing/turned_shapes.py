@@ -41,10 +41,6 @@ def Cylinder(
     reference, u_range
         As for `SurfaceOfRevolution`.
 
-    Returns
-    -------
-    SurfaceOfRevolution
-
     Raises
     ------
     ValueError, TypeError
@@ -82,10 +78,6 @@ def Cone(
         At the other end; 0 for a tip.
     reference, u_range
         As for `SurfaceOfRevolution`.
-
-    Returns
-    -------
-    SurfaceOfRevolution
 
     Raises
     ------

@@ -19,7 +19,7 @@ def test_outputs_are_stripped(file):
         assert (cell["outputs"], cell["execution_count"]) == ([], None)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 def test_first_rays_runs_and_shows_itself(tmp_path):
     """Every cell without an error; progress is one output, the result a picture with its words."""

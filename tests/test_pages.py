@@ -9,7 +9,23 @@ import numpy as np
 import pages
 import pytest
 
-PYTHON = [page for page in pages.pages() if pages.blocks_of(page, "python")]
+# These render and trace for seconds.
+LONG = (
+    "howto/detector",
+    "howto/noise",
+    "howto/nonsequential",
+    "tutorials/caustic",
+    "tutorials/lens",
+)
+PYTHON = [
+    pytest.param(
+        page,
+        id=str(page.relative_to(pages.ROOT)),
+        marks=[pytest.mark.nightly] if page.with_suffix("").as_posix().endswith(LONG) else [],
+    )
+    for page in pages.pages()
+    if pages.blocks_of(page, "python")
+]
 COMMANDS = sorted(
     {
         (block.page.relative_to(pages.ROOT).as_posix(), " ".join(re.split("[#>]", line)[0].split()))
@@ -24,7 +40,7 @@ PARSERS = runpy.run_path(str(pages.ROOT / "docs" / "_ext" / "parsers.py"))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", PYTHON, ids=lambda page: str(page.relative_to(pages.ROOT)))
+@pytest.mark.parametrize("page", PYTHON)
 def test_python_runs_and_prints_what_is_shown(page, tmp_path):
     every = pages.blocks_of(page, "python")
     assert page.read_text(encoding="utf-8").count("```python") == len(every)

@@ -4,7 +4,7 @@ import argparse
 import sys
 
 from hybrid_rt.cli.command import run_tool
-from hybrid_rt.cli.study import DESCRIPTION, EXAMPLES, add_study_options, run_study
+from hybrid_rt.cli.study import DESCRIPTION, EXAMPLES, add_options, run
 
 
 def main() -> None:
@@ -14,8 +14,8 @@ def main() -> None:
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add_study_options(parser)
-    run_study(parser.parse_args())
+    add_options(parser)
+    run(parser.parse_args())
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 import argparse
 import sys
 
-from hybrid_rt.cli.accuracy import DESCRIPTION, EXAMPLES, add_accuracy_options, run_accuracy
+from hybrid_rt.cli.accuracy import DESCRIPTION, EXAMPLES, add_options, run
 from hybrid_rt.cli.command import run_tool
 
 
@@ -14,8 +14,8 @@ def main() -> None:
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add_accuracy_options(parser)
-    run_accuracy(parser.parse_args())
+    add_options(parser)
+    run(parser.parse_args())
 
 
 if __name__ == "__main__":

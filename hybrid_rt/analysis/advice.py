@@ -27,42 +27,21 @@ FIRST_SEED = 1
 
 @dataclass(frozen=True)
 class Advice:
-    """An answer.
-
-    Attributes
-    ----------
-    headline : str
-        One sentence or two.
-    command : str
-        A command line that renders to the target; "" if no method is named.
-    details : list of str
-        Sentences: how it is known, what it costs at other sizes, what to do.
-    target : float
-        The target that the forecasts of the tables are for.
-    forecasts : list of MethodForecast
-    """
+    """An answer."""
 
     headline: str
-    command: str
-    details: list[str]
-    target: float
+    command: str  # renders to the target; "" if no method is named
+    details: list[str]  # how it is known, what it costs at other sizes, what to do
+    target: float  # the one that the forecasts are for
     forecasts: list[MethodForecast]
 
 
 def advise(
     study: PictureStudy, target: float, scene: str, full_size: tuple[int, int] | None = None
 ) -> Advice:
-    """Name the cheapest method that reaches a target, if the reference can judge that.
+    """Name the cheapest method that reaches a relative RMSE, if the reference can judge that.
 
-    Parameters
-    ----------
-    study : PictureStudy
-    target : float
-        Relative RMSE.
-    scene : str
-        The scene's file, for commands.
-    full_size : (width, height), optional
-        Pixels of the scene's own camera, if the study's pictures are smaller.
+    ``scene`` is its file, for commands; ``full_size`` are the pixels of its camera if the study's are fewer.
     """
     reference = study.reference
     wanted = asked(target)
@@ -197,8 +176,12 @@ def _recommended(
     command = command_of(study, best, scene)
     details = [
         _how_known(best, study.runs), *_not_told_apart(best, forecasts, study.runs),
-        *_at_full_size(study, best, full_size), *_integrator_of_script(best),
+        *_at_full_size(study, best, full_size),
     ]  # fmt: skip
+    if (name := best.integrator) not in OWN:
+        details.append(
+            f"The script declares {name!r}: let it say INTEGRATOR = {name!r} for this command."
+        )
     if best.left_out:
         details.append(
             f"{best.method} leaves out {without_examples(best.left_out)}; in this picture that is less than "
@@ -255,13 +238,6 @@ def _not_told_apart(
     if runs == 1 or not others:
         return []
     return [f"These runs do not tell it apart from {', '.join(others)}: take more --runs."]
-
-
-def _integrator_of_script(best: MethodForecast) -> list[str]:
-    name = best.integrator
-    if name in OWN:
-        return []
-    return [f"The script declares {name!r}: let it say INTEGRATOR = {name!r} for this command."]
 
 
 def command_of(study: PictureStudy, found: MethodForecast, scene: str) -> str:

@@ -53,14 +53,8 @@ def picture_conditions(study: PictureStudy, full_size: tuple[int, int] | None) -
     return [
         ("pictures", f"{width} x {height} pixels{own}"),
         ("threads", str(study.threads)),
-        (
-            "passes",
-            f"{_passes_in_words(study.curves)}; {runs}, all methods in turn",
-        ),
-        (
-            "reference",
-            f"{reference.made_by}{took}; {off_itself(reference)}",
-        ),
+        ("passes", f"{_passes_in_words(study.curves)}; {runs}, all methods in turn"),
+        ("reference", f"{reference.made_by}{took}; {off_itself(reference)}"),
         ("its check", _check_in_words(reference)),
         (
             "seconds",

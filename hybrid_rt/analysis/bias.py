@@ -25,11 +25,7 @@ OF_TILES = 2.0
 def least_by_mean(mean_error: float, half_interval: float, truth: NDArray[np.floating]) -> float:
     """Return the least relative RMSE of which a picture's mean gives proof; 0 if of none.
 
-    Parameters
-    ----------
-    mean_error, half_interval : float
-        Of the picture against the truth, and half its 95 % interval; radiance. nan: unknown.
-    truth : (height, width, 3) floats
+    The mean error and half its 95 % interval are radiance; nan: unknown.
     """
     sure = abs(mean_error) - half_interval
     if not sure > 0.0:
@@ -42,16 +38,8 @@ def least_by_tiles(
 ) -> float:
     """Return the least relative RMSE of which the means of tiles give proof; 0 if of none.
 
-    The product of a tile's errors in two runs is on average the square of what both share: bias, and
-    the reference's own error, which is taken off.
-
-    Parameters
-    ----------
-    images : sequence of (height, width, 3) floats
-        Of independent runs; at least two, else nothing is known.
-    truth : (height, width, 3) floats
-    own_error : float
-        Relative RMSE of the truth; nan if unknown.
+    The product of a tile's errors in two independent runs is on average the square of what both share: bias,
+    and the reference's own error, a relative RMSE, which is taken off (nan: unknown).
     """
     if len(images) < 2:
         return 0.0
@@ -71,17 +59,10 @@ def shared_error(
     weight: NDArray[np.float64],
     trimmed: bool = False,
 ) -> tuple[float, float]:
-    """Return the relative RMSE that two pictures' errors share, 0 if not above the noise, and its 95 % limit.
+    """Return the relative RMSE that two differences share, 0 if not seen above the noise, and its limit.
 
-    The mean of the product of errors whose noise is independent is the square of what both share.
-
-    Parameters
-    ----------
-    one, other : (height, width, 3) float64
-    weight : (height, width, 3) float64
-        What squares are divided by; independent of the noise of both.
-    trimmed : bool
-        Leave out the worst 0.1 % of the pixels, by the sum of both squares.
+    The ``weight`` (height, width, 3) is what squared differences are divided by. Where they are ``trimmed``, the worst
+    0.1 % of the pixels are left out.
     """
     # Channels of a pixel share their noise; pixels are independent.
     products = (one * other / weight).mean(axis=2)

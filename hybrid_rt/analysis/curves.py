@@ -27,65 +27,29 @@ def spread(values: Sequence[float]) -> Spread:
 
 @dataclass(frozen=True)
 class Point:
-    """One setting of a method.
+    """One setting of a method."""
 
-    Attributes
-    ----------
-    setting : float
-        Passes, or the tolerance of a mesh in scene units.
-    seconds, error : Spread
-        For pictures, wall seconds and relative RMSE; for hits, seconds per ray and the fraction of
-        wrong first hits.
-    more : dict
-        Other values by name, medians over the runs.
-    """
-
-    setting: float
-    seconds: Spread
-    error: Spread
-    more: dict[str, float]
+    setting: float  # passes, or the tolerance of a mesh in scene units
+    seconds: Spread  # wall time of a picture, or of a ray
+    error: Spread  # relative RMSE, or the share of wrong first hits
+    more: dict[str, float]  # medians over the runs, by name
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A method and its points, in order of cost.
-
-    Attributes
-    ----------
-    name, flags : str
-        ``flags`` are the command-line options of the method.
-    points : list of Point
-    bias : float
-        Least error known that more passes do not reduce.
-    bias_known_by : str
-        How that is known, in words.
-    left_out : list of str
-        Light of the scene that the method does not find, as it declares.
-    bias_at_most : float
-        Upper 95 % limit of what its mesh changes; 0 without a mesh.
-    power : float
-        The square of the rest of the error falls as passes ** -power.
-    unfound : float
-        Light that the method does not find but photons do, over the mean of the picture; 0 if
-        none, or not measured.
-    error_by_unfound : float
-        The least relative RMSE of a picture that lacks as much; 0 if it is not known.
-    converges : bool
-        Whether all of its error falls with the passes, but for light that ``max_depth`` cuts off: certified
-        hits, all light, and no blur that stays.
-    """
+    """A method and its points, in order of cost."""
 
     name: str
-    flags: str
+    flags: str  # the command-line options of the method
     points: list[Point]
-    bias: float = 0.0
-    power: float = 1.0
+    bias: float = 0.0  # least error known that more passes do not reduce
+    power: float = 1.0  # the square of the rest of the error falls as passes ** -power
     bias_known_by: str = ""
-    left_out: list[str] = field(default_factory=list)
-    bias_at_most: float = 0.0
-    unfound: float = 0.0
-    error_by_unfound: float = 0.0
-    converges: bool = False
+    left_out: list[str] = field(default_factory=list)  # as it declares
+    bias_at_most: float = 0.0  # 95 % limit of what its mesh changes
+    unfound: float = 0.0  # light that photons find and it does not, over the mean
+    error_by_unfound: float = 0.0  # least relative RMSE by that; 0: not known
+    converges: bool = False  # certified hits, all light, no blur that stays
 
 
 def renamed(curves: Sequence[Curve], prefix: str) -> list[Curve]:

@@ -29,14 +29,11 @@ FEW_DECADES, MANY_DECADES = 1.7, 7.0
 
 @dataclass(frozen=True)
 class Mark:
-    """A point with error bars: x and y as (value, least, most).
-
-    ``label`` is printed next to it; ``is_limit``: y is an upper limit, drawn hollow.
-    """
+    """A point with error bars: x and y as (value, least, most); a limit is drawn hollow."""
 
     x: tuple[float, float, float]
     y: tuple[float, float, float]
-    label: str = ""
+    label: str = ""  # printed next to it
     is_limit: bool = False
 
 
@@ -50,36 +47,16 @@ class Line:
 
 @dataclass(frozen=True)
 class Diagram:
-    """The contents of a diagram.
-
-    Attributes
-    ----------
-    title, x_label, y_label : str
-    lines : sequence of Line
-        All values above 0 and finite.
-    slopes : sequence of (slope, name)
-        Drawn as thin lines y ~ x^slope through the first point.
-    floor : (name, y), optional
-        A horizontal line.
-    note : str
-        How to read it: what the marks' labels and the bars are.
-    counts_x : bool
-        Whether x counts things from 0 on, on a linear axis.
-
-    Raises
-    ------
-    ValueError
-        If there are no points, or a value is not positive and finite.
-    """
+    """The contents of a diagram; all values are above 0 and finite, else ValueError."""
 
     title: str
     x_label: str
     y_label: str
     lines: Sequence[Line]
-    slopes: Sequence[tuple[float, str]] = ()
-    floor: tuple[str, float] | None = None
-    note: str = ""
-    counts_x: bool = False
+    slopes: Sequence[tuple[float, str]] = ()  # thin lines y ~ x^slope through the first point
+    floor: tuple[str, float] | None = None  # a horizontal line
+    note: str = ""  # how to read it
+    counts_x: bool = False  # from 0 on, on a linear axis
 
     def __post_init__(self) -> None:
         """Refuse what has no logarithm."""
@@ -140,7 +117,8 @@ def _draw(axes: Any, diagram: Diagram, *, is_wide: bool) -> None:
     axes.set_xscale("linear" if diagram.counts_x else "log")
     axes.set_yscale("log")
     for number_of_line, line in enumerate(diagram.lines):
-        x, y = (_columns(line.marks, name) for name in ("x", "y"))
+        # Values, least and most of each coordinate.
+        x, y = (list(zip(*(getattr(m, c) for m in line.marks), strict=True)) for c in "xy")
         marker = MARKERS[number_of_line % len(MARKERS)]
         drawn = axes.errorbar(
             x[0], y[0], yerr=_bars(y), xerr=_bars(x), label=line.name, marker=marker,
@@ -232,12 +210,7 @@ def _slopes(axes: Any, diagram: Diagram) -> None:
     axes.set_ylim(frame)
 
 
-def _columns(marks: Sequence[Mark], name: str) -> list[list[float]]:
-    """Return values, least and most of one coordinate of marks."""
-    return [list(column) for column in zip(*(getattr(m, name) for m in marks), strict=True)]
-
-
-def _bars(columns: list[list[float]]) -> list[list[float]]:
+def _bars(columns: Sequence[Sequence[float]]) -> list[list[float]]:
     value, least, most = columns
     below = [max(v - low, 0.0) for v, low in zip(value, least, strict=True)]
     above = [max(high - v, 0.0) for v, high in zip(value, most, strict=True)]

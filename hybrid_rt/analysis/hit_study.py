@@ -34,33 +34,14 @@ RULE_OF_THREE = 3.0
 
 @dataclass(frozen=True)
 class HitStudy:
-    """Curves of first hits on one list of surfaces.
-
-    Attributes
-    ----------
-    rays, judged : int
-        Rays traced; those of them that hit something and whose first hit is proven.
-    size : float
-        Diagonal of the surfaces.
-    curves : list of Curve
-        Their settings are tolerances, errors shares of wrong first hits; ``more`` holds
-        ``triangles``, ``build_seconds``, ``mean_dt``, ``worst_dt``, ``worst_residual``,
-        ``mean_angle``, ``missed``, ``phantom``, ``farther``.
-    newton : list of Curve
-        Newton's method without proof by a fixed number of steps, one curve for each tolerance; the
-        settings are those numbers. None where a surface needs no steps, is trimmed or rational, or
-        is a part of a turn.
-    truth_bound : float
-        Mean proven bound of the error of the true hits, scene units.
-    truth_seconds : float
-    """
+    """Curves of first hits on one list of surfaces."""
 
     rays: int
-    judged: int
-    size: float
-    curves: list[Curve]
-    newton: list[Curve]
-    truth_bound: float
+    judged: int  # that hit something, and whose first hit is proven
+    size: float  # diagonal of the surfaces
+    curves: list[Curve]  # by tolerance; errors are shares of wrong first hits
+    newton: list[Curve]  # by the number of steps, without proof, one for each mesh
+    truth_bound: float  # mean proven bound of the true hits' error, scene units
     truth_seconds: float
 
 
@@ -75,18 +56,8 @@ def study_hits(
 ) -> HitStudy:
     """Measure wrong first hits and seconds per ray of all accuracies, against certified hits.
 
-    Accuracies differ on free-form surfaces alone: where there is none, certified hits are timed.
-
-    Parameters
-    ----------
-    surfaces : sequence of surfaces
-    rays : RaySet
-    tolerances : sequence of float
-        Of the coarse meshes, relative to the diagonal of the surfaces.
-    runs : int
-        Of each, in turn.
-    threads : int, optional
-    say : callable, optional
+    Accuracies differ on free-form surfaces alone: where there is none, certified hits are timed. Tolerances are
+    relative to the diagonal of the surfaces.
     """
     n, size = len(rays.origins), size_of(surfaces)
     say(f"certified hits of {n} rays without Embree")

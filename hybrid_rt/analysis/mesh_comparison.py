@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from hybrid_rt.core.progress import Progress
-from hybrid_rt.core.records import FloatArray
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.hit_errors import certified_hits, compare
-from hybrid_rt.scene.compiled import CompiledScene, compile_scene
+from hybrid_rt.scene.compiled import compile_scene
 from hybrid_rt.scene.scene import Scene
 from meshing import tessellate
 
@@ -24,23 +23,10 @@ FINE = 1e-6
 def compare_with_mesh(
     scene: Scene, threads: int | None = None, progress: Progress | None = None
 ) -> dict[str, Any]:
-    """Trace rays through all pixel centres, on the true surfaces and on a mesh.
+    """Trace rays through all pixel centres, on the true surfaces and on a mesh; return plain numbers.
 
-    Parameters
-    ----------
-    scene : Scene
-    threads : int, optional
-        Default: the cores that this process may use.
-    progress : callable, optional
-        As `render` takes it.
-
-    Returns
-    -------
-    dict
-        Of plain numbers. ``wrong_first_hits`` are those of `hybrid_rt.core.wrong_hits`; rays whose
-        exact hit is decided within rounding are left out. ``worst_hit_error`` and
-        ``mean_hit_error`` are distances along the ray, over the other rays that hit a curved
-        surface. Empty where the scene has no curved surface.
+    Rays whose exact hit is decided within rounding are left out. Errors of t are distances along the rays that
+    hit a curved surface. Empty where the scene has no curved surface.
     """
     compiled = compile_scene(scene)
     is_curved = np.array([surface.is_freeform for surface in compiled.surfaces], dtype=bool)
@@ -54,7 +40,9 @@ def compare_with_mesh(
     meshes = [tessellate(surface, tolerance) for surface in curved]
     deviation = max(mesh.deviation_bound for mesh in meshes)
 
-    origins, directions = _camera_rays(compiled)
+    camera = compiled.camera
+    row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
+    origins, directions = camera.rays(column + 0.5, row + 0.5)
     certified = Intersector(compiled.surfaces, threads=threads)
     exact = certified_hits(certified, origins, directions)
     mesh = Intersector(compiled.surfaces, "mesh", tolerance=tolerance, threads=threads)
@@ -89,10 +77,3 @@ def in_words(comparison: dict[str, Any]) -> str:
         f"  and {c['wrong_first_hits']:,} of {c['rays_on_curved_surfaces']:,} rays meet the wrong "
         f"thing first. For 1e-6 a mesh would need about {c['triangles_for_1e-6']:.1e} triangles."
     )
-
-
-def _camera_rays(scene: CompiledScene) -> tuple[FloatArray, FloatArray]:
-    """Return the rays through the middles of all pixels."""
-    camera = scene.camera
-    row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
-    return camera.rays(column + 0.5, row + 0.5)

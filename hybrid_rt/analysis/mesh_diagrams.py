@@ -32,10 +32,7 @@ BELOW, ABOVE = 1e-3, 10.0
 
 
 def draw_time(rungs: Sequence[Mapping[str, Any]], name: str, file: Path) -> None:
-    """Draw the wrong first hits of meshes against the time per ray, a panel for each kind of rays.
-
-    ``rungs`` are `Rung.figures`.
-    """
+    """Draw the wrong first hits of meshes (`Rung.figures`) against the time per ray, by kind of rays."""
     from matplotlib import style
     from matplotlib.figure import Figure
 

@@ -10,6 +10,7 @@ import time
 import tracemalloc
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,34 +33,19 @@ RAYS: dict[str, Callable[..., RaySet]] = {
 
 @dataclass(frozen=True)
 class Rung:
-    """One tolerance of the ladder.
-
-    Attributes
-    ----------
-    tolerance, bound, worst, mean : float
-        Asked for; proven; largest and mean distance measured. Scene units.
-    triangles : int
-    build_seconds, memory : float
-        Seconds; bytes at the peak.
-    worst_angle, mean_angle : float
-        Between the normals of triangles and surface, degrees.
-    errors : dict of dict of Errors
-        By accuracy, then by kind of rays.
-    microseconds : dict of dict of float
-        Time per ray by accuracy, then by kind of rays.
-    """
+    """One tolerance of the ladder; lengths in scene units, angles in degrees."""
 
     tolerance: float
     triangles: int
     build_seconds: float
-    memory: float
-    bound: float
-    worst: float
+    memory: float  # bytes at the peak
+    bound: float  # proven
+    worst: float  # measured, as is the mean
     mean: float
-    worst_angle: float
+    worst_angle: float  # between the normals of triangles and surface
     mean_angle: float
-    errors: dict[str, dict[str, Errors]]
-    microseconds: dict[str, dict[str, float]]
+    errors: dict[str, dict[str, Errors]]  # by accuracy, then by kind of rays
+    microseconds: dict[str, dict[str, float]]  # a ray, by accuracy, then by kind of rays
 
     @property
     def figures(self) -> dict[str, Any]:
@@ -87,16 +73,8 @@ def climb(
 ) -> list[Rung]:
     """Measure the errors of each rung, then the time per ray of all rungs in turn.
 
-    Parameters
-    ----------
-    surfaces : sequence of BezierPatches and SurfaceOfRevolution
-    tolerances : sequence of float
-        Absolute chordal tolerances, scene units.
-    n_rays : int
-        Of each kind.
-    seed, threads : int
-    on_rung : callable, optional
-        Called with each rung when its errors are known, before its times are.
+    Tolerances are absolute, in scene units; there are ``n_rays`` of each kind. ``on_rung`` is called with each
+    rung when its errors are known, before its times are.
     """
     rays = {name: make(surfaces, n_rays, seed) for name, make in RAYS.items()}
     bare = Intersector(surfaces, coarse="none", threads=threads)
@@ -122,25 +100,25 @@ def climb(
             for kind, r in rays.items():
                 found = contestants[number, name].intersect(r.origins, r.directions)
                 errors[name][kind] = compare(exact[kind], found.t, found.object_id)
+        measured = (
+            float(distances.max()), float(distances.mean()), float(angles.max()), float(angles.mean()),
+        )  # fmt: skip
+        bound = max(mesh.deviation_bound for mesh in meshes)
+        times: dict[str, dict[str, float]] = {
+            name: {} for step, name in contestants if step == number
+        }
+        n_triangles = sum(map(len, meshes))
         rungs.append(
-            Rung(
-                tolerance,
-                sum(len(mesh) for mesh in meshes),
-                seconds,
-                float(memory),
-                max(mesh.deviation_bound for mesh in meshes),
-                float(distances.max()),
-                float(distances.mean()),
-                float(angles.max()),
-                float(angles.mean()),
-                errors,
-                {name: {} for step, name in contestants if step == number},
-            )
+            Rung(tolerance, n_triangles, seconds, float(memory), bound, *measured, errors, times)
         )
         if on_rung is not None:
             on_rung(rungs[-1])
     for kind, r in rays.items():
-        timings = in_turn({key: _trace(tracer, r) for key, tracer in contestants.items()}, 3)
+        traces = {
+            key: partial(tracer.intersect, r.origins, r.directions)
+            for key, tracer in contestants.items()
+        }
+        timings = in_turn(traces, 3)
         for (number, name), timing in timings.items():
             rungs[number].microseconds[name][kind] = timing.median / n_rays * 1e6
     return rungs
@@ -149,13 +127,7 @@ def climb(
 def deviations(
     surfaces: Sequence[Any], meshes: Sequence[Any], seed: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Sample triangles: distances to the surface at equal (u, v), and angles between normals.
-
-    Returns
-    -------
-    distances : (k,) float64, scene units
-    angles : (k,) float64, degrees
-    """
+    """Sample triangles: return distances to the surface at equal (u, v), and angles between normals in degrees."""
     rng = np.random.default_rng(seed)
     distances, angles = [], []
     for surface, mesh in zip(surfaces, meshes, strict=True):
@@ -178,14 +150,9 @@ def deviations(
 def error_image(
     surfaces: Sequence[Any], tolerance: float, width: int, height: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Trace a picture by mesh and surface.
+    """Trace a picture by mesh and surface; return (height, width) errors of t and |cos| at the exact hit.
 
-    Returns
-    -------
-    error : (height, width) float64
-        |t - exact t| in scene units; nan where both miss, inf where one does.
-    shade : (height, width) float64
-        |cos| at the exact hit, for display.
+    The error is in scene units, nan where both miss, inf where one does.
     """
     low = np.min([s.bounds[0] for s in surfaces], axis=0)
     high = np.max([s.bounds[1] for s in surfaces], axis=0)
@@ -206,7 +173,3 @@ def error_image(
         error = np.abs(meshed.t - exact.t) * length
         shade = np.abs(np.einsum("ij,ij->i", exact.normal, directions.reshape(-1, 3))) / length
     return error.reshape(height, width), shade.reshape(height, width)
-
-
-def _trace(tracer: Intersector, rays: RaySet) -> Callable[[], object]:
-    return lambda: tracer.intersect(rays.origins, rays.directions)

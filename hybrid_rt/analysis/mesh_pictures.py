@@ -11,12 +11,7 @@ import numpy as np
 
 from hybrid_rt.analysis.bias import shared_error
 from hybrid_rt.analysis.methods import Method, curved_surfaces, finds_all_light
-from hybrid_rt.analysis.reference import (
-    Image,
-    run_method,
-    short_render,
-    stated_error,
-)
+from hybrid_rt.analysis.reference import Image, run_method, short_render, stated_error
 from hybrid_rt.core.progress import Say
 from hybrid_rt.core.timing import timed
 from hybrid_rt.intersection import Intersector
@@ -54,8 +49,9 @@ def mesh_errors(
 ) -> list[dict[str, Any]]:
     """Measure what meshes, and hits that are not certified, do to a picture.
 
-    The differences between such pictures and certified ones, made with the same random numbers,
-    still hold noise; but that of one seed is independent of that of another.
+    The differences between such pictures and certified ones, made with the same random numbers, still hold
+    noise; but that of one seed is independent of that of another. The ``error`` is 0 if it is not seen above
+    the noise; ``error_at_most`` is its upper 95 % limit.
     """
     surfaces = curved_surfaces(scene)
     say("pictures of meshes, each twice, with the random numbers of certified ones")
@@ -73,15 +69,9 @@ def mesh_errors(
         tracer, seconds = timed(
             partial(Intersector, surfaces, method.accuracy, tolerance=method.tolerance, threads=1)
         )
-        rows.append(
-            {
-                "method": method.name,
-                "accuracy": method.accuracy,
-                "tolerance": method.tolerance,
-                "triangles": float(tracer.n_triangles),
-                "build_seconds": seconds,
-                "error": error,
-                "error_at_most": at_most,
-            }
-        )
+        rows.append({
+            "method": method.name, "accuracy": method.accuracy, "tolerance": method.tolerance,
+            "triangles": float(tracer.n_triangles), "build_seconds": seconds, "error": error,
+            "error_at_most": at_most,
+        })  # fmt: skip
     return rows

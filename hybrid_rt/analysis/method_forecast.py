@@ -29,39 +29,17 @@ MOST_STEPS = 16.0
 
 @dataclass(frozen=True)
 class MethodForecast:
-    """Passes and seconds of a method to reach an error.
-
-    Attributes
-    ----------
-    method : str
-    flags : str
-    passes : int or None
-        None: out of reach.
-    seconds : Spread
-        Of the passes by the median error; of the passes that the least and the largest errors of the runs ask
-        for, in the fastest and the slowest run. nan if out of reach.
-    bias : float
-        Error that more passes do not reduce: the curve's own, or estimated from its last two points;
-        0 if not above the noise.
-    is_measured : bool
-        Whether ``passes`` lies within the measured range.
-    obstacle : str
-        Why it is out of reach; "" if it is not.
-    left_out : list of str
-        Light that the method does not find.
-    measured_to : int
-        The most passes that were measured.
-    """
+    """Passes and seconds of a method to reach an error."""
 
     method: str
     flags: str
-    passes: int | None
-    seconds: Spread
-    bias: float
-    is_measured: bool
-    obstacle: str = ""
+    passes: int | None  # None: out of reach
+    seconds: Spread  # nan if out of reach; least and most by the errors of the runs
+    bias: float  # error that passes do not reduce, as far as it is above the noise
+    is_measured: bool  # whether ``passes`` lies within the measured range
+    obstacle: str = ""  # why it is out of reach
     left_out: list[str] = field(default_factory=list)
-    measured_to: int = 0
+    measured_to: int = 0  # the most passes that were measured
 
     @property
     def integrator(self) -> str:
@@ -175,8 +153,8 @@ def _seconds_of(curve: Curve, fewest: float, passes: int, most: float) -> Spread
 def growing_seconds(curve: Curve) -> NDArray[np.float64]:
     """Return the seconds of a curve's points, made to grow with the passes, (n,) float64.
 
-    On a busy machine fewer passes may have taken longer: such neighbours get their mean (isotonic
-    regression by pooling adjacent violators; Barlow, Bartholomew, Bremner, Brunk 1972).
+    On a busy machine fewer passes may have taken longer: such neighbours get their mean (isotonic regression
+    by pooling adjacent violators; Barlow, Bartholomew, Bremner, Brunk 1972).
     """
     blocks: list[list[float]] = []
     for point in curve.points:
@@ -209,21 +187,9 @@ def _seconds(passes: NDArray[np.float64], seconds: NDArray[np.float64], n: float
 
 
 def at_equal_time(curves: Sequence[Curve]) -> tuple[float, list[float]]:
-    """Return the errors of methods after as many seconds, all within what was measured.
+    """Return the most seconds that all methods were measured for, and the relative RMSE of each then.
 
-    Errors are interpolated between the points on either side, by a line in logarithms.
-
-    Parameters
-    ----------
-    curves : sequence of Curve
-        One or more.
-
-    Returns
-    -------
-    seconds : float
-        The most that all methods were measured for.
-    errors : list of float
-        Relative RMSE of each curve; nan where its first point took longer.
+    Errors are interpolated between points by a line in logarithms; nan where the first point took longer.
     """
     times = [growing_seconds(curve) for curve in curves]
     seconds = min(float(grown[-1]) for grown in times)

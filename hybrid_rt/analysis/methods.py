@@ -63,21 +63,10 @@ def default_methods(
     integrators: Sequence[str] | None = None,
     settings: Mapping[str, Sequence[Any]] | None = None,
 ) -> list[Method]:
-    """Return all integrators, with certified hits.
+    """Return integrators, by default all that can render the scene, with certified hits.
 
-    Parameters
-    ----------
-    scene : Scene
-    integrators : sequence of str, optional
-        Default: all that can render the scene.
-    settings : mapping of str to sequence, optional
-        Values to try by flag name, in all combinations, for integrators with these settings.
-        Default: the settings' defaults.
-
-    Raises
-    ------
-    ValueError
-        If an integrator is unknown, refuses the scene, or a setting is out of range.
+    ``settings`` are values to try by flag name, in all combinations, for integrators that have them. Raises
+    ValueError if an integrator is unknown, refuses the scene, or a setting is out of range.
     """
     names: list[str] = [name for name in INTEGRATORS if _refusal(scene, name) is None]
     if integrators is not None:

@@ -27,18 +27,10 @@ STANDARD_ERRORS = 2.0
 
 @dataclass(frozen=True)
 class Verdict:
-    """Which of two pictures is nearer by one measure.
+    """Which of two pictures is nearer by one measure."""
 
-    Attributes
-    ----------
-    first_is_nearer : bool or None
-        None if both are equally near.
-    is_told : bool
-        Whether the difference is beyond the noise.
-    """
-
-    first_is_nearer: bool | None
-    is_told: bool
+    first_is_nearer: bool | None  # None: both are equally near
+    is_told: bool  # whether the difference is beyond the noise
 
 
 def verdicts(
@@ -49,11 +41,7 @@ def verdicts(
 ) -> tuple[Verdict, Verdict]:
     """Compare the errors of two pictures, over all pixels and without the worst 0.1 %.
 
-    Parameters
-    ----------
-    one, other, reference : (height, width, 3) arrays
-    noise : float or None
-        The largest relative difference from the reference that noise explains; None: unknown.
+    ``noise`` is the largest relative difference from the reference that noise explains; None: unknown.
     """
     first, second = (relative_squares(image, reference).mean(axis=2) for image in (one, other))
     most = [np.where(of_most(squares), squares, 0.0) for squares in (first, second)]

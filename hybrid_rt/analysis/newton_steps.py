@@ -29,20 +29,7 @@ STEP_OVER = 2.0**-18
 
 
 class SteppedHits:
-    """First hits on curved surfaces by triangles and Newton.
-
-    Parameters
-    ----------
-    surfaces : sequence of BezierPatches and SurfaceOfRevolution
-    tolerance : float
-        Chordal tolerance of the triangles, scene units.
-    threads : int, optional
-
-    Raises
-    ------
-    TypeError
-        For other surfaces, which need no steps.
-    """
+    """First hits on curved surfaces by triangles and Newton; a TypeError for surfaces that need no steps."""
 
     def __init__(
         self,
@@ -79,16 +66,8 @@ class SteppedHits:
     def intersect(self, origins: FloatArray, directions: FloatArray, steps: int) -> HitRecord:
         """Return hits after ``steps`` Newton steps; with 0, the hit on the triangle.
 
-        Parameters
-        ----------
-        origins, directions : (n, 3) float64
-        steps : int
-
-        Returns
-        -------
-        HitRecord of n rows
-            ``t_bound`` is inf: nothing is proven. ``residual`` is the distance left between the
-            surface point and the ray point.
+        ``t_bound`` is inf: nothing is proven. ``residual`` is the distance left between the surface point and the
+        ray point.
         """
         n = len(origins)
         record, piece = new_record(n), np.full(n, -1, np.int64)
@@ -155,9 +134,8 @@ Row = tuple[FloatArray, tuple[int, int], FloatArray]
 
 
 @singledispatch
-def _rows(surface: Surface, middle: FloatArray) -> list[Row]:
+def _rows(surface: Surface, _middle: FloatArray) -> list[Row]:
     """Return the pieces of a surface about a point."""
-    del middle
     raise TypeError(f"a {type(surface).__name__} has no control points")
 
 
@@ -170,8 +148,7 @@ def _patches(surface: BezierPatches, middle: FloatArray) -> list[Row]:
 
 
 @_rows.register(RationalPatches)
-def _rational_patches(surface: RationalPatches, middle: FloatArray) -> list[Row]:
-    del middle
+def _rational_patches(surface: RationalPatches, _middle: FloatArray) -> list[Row]:
     raise TypeError(f"{surface!r} is rational: pass polynomial patches, steps are counted on these")
 
 

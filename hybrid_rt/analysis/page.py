@@ -61,35 +61,20 @@ READ = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass
 class Study:
-    """What a page shows.
-
-    Attributes
-    ----------
-    title, asked, answer : str
-        The answer is shown large.
-    command : str
-        "": none.
-    details, findings : sequence of str
-        Sentences below the answer, and further ones.
-    measured : sequence of (name, value)
-    diagrams : sequence of Diagram
-    tables : sequence of Table
-    images : mapping
-        By name; each except "reference" is shown with its error map against the reference.
-    """
+    """What a page shows."""
 
     title: str
-    asked: str
-    answer: str
+    asked: str = ""
+    answer: str = ""  # shown large
     command: str = ""
-    details: Sequence[str] = ()
-    findings: Sequence[str] = ()
-    measured: Sequence[tuple[str, str]] = ()
-    diagrams: Sequence[Diagram] = ()
-    tables: Sequence[Table] = ()
-    images: Mapping[str, Image] = field(default_factory=dict)
+    details: list[str] = field(default_factory=list)  # sentences below the answer
+    findings: list[str] = field(default_factory=list)  # further ones
+    measured: list[tuple[str, str]] = field(default_factory=list)  # names and values
+    diagrams: list[Diagram] = field(default_factory=list)
+    tables: list[Table] = field(default_factory=list)
+    images: Mapping[str, Image] = field(default_factory=dict)  # with error maps
 
 
 def page(study: Study) -> str:

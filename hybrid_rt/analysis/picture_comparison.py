@@ -17,12 +17,12 @@ from hybrid_rt.analysis.nearer_picture import verdicts
 from hybrid_rt.analysis.picture_sheet import Pixels, error_colors, sheet
 from hybrid_rt.analysis.units import percent, signed_percent
 from hybrid_rt.core import exr
-from hybrid_rt.core.ledger import as_json
 from hybrid_rt.core.memory import available_bytes, bytes_in_words
+from hybrid_rt.core.plain_records import as_json
 from hybrid_rt.rendering.versions import versions
 from hybrid_rt.sensor.color import screen_pixels, srgb_to_linear
 from hybrid_rt.sensor.image_files import check_output, sidecar_of
-from hybrid_rt.sensor.image_metrics import DARK, PictureErrors, picture_errors, relative_squares
+from hybrid_rt.sensor.image_metrics import DARK, picture_errors, relative_squares
 from meshing.checks import as_path, text_of
 from meshing.outputs import replacing
 
@@ -36,18 +36,7 @@ MOST_UNPACKED, MOST_PACKED = 2**28, 100
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture read from a file.
-
-    Attributes
-    ----------
-    name : str
-    image : (height, width, 3) float32
-        Linear radiance.
-    report : dict or None
-        The report of its render, if it was saved.
-    standard_error : (height, width, 3) float32 or None
-        If the file has that channel.
-    """
+    """A picture read from a file, linear; with the report of its render, if it was saved."""
 
     name: str
     image: NDArray[np.float32]
@@ -58,10 +47,7 @@ class Picture:
 def load_picture(path: str | os.PathLike[str]) -> Picture:
     """Read a .npz or .exr file of `save_image`, or any .png (8 bit sRGB: quantised, clipped at 1).
 
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If the file is missing, or does not hold a picture.
+    Raises FileNotFoundError or ValueError if the file is missing, or does not hold a picture.
     """
     file = as_path(path, "picture")
     if not file.is_file():
@@ -93,10 +79,14 @@ def _check_arrays(file: Path, picture: Picture) -> None:
     image, error = picture.image, picture.standard_error
     _check_image(file, image.dtype, image.shape)
     _check_error(file, image.shape, None if error is None else error.shape)
-    if max(_largest(x) for x in (image, error) if x is not None) > MOST:
-        raise ValueError(
-            f"picture {str(file)!r} holds numbers beyond {MOST:g}: pass radiances, scaled if need be"
-        )
+    for values in (image, error):
+        if values is None:
+            continue
+        # They may be of low precision.
+        if float(np.abs(values[np.isfinite(values)]).max(initial=0.0)) > MOST:
+            raise ValueError(
+                f"picture {str(file)!r} holds numbers beyond {MOST:g}: pass radiances, scaled if need be"
+            )
 
 
 def _check_image(file: Path, dtype: np.dtype[Any], shape: tuple[int, ...]) -> None:
@@ -112,11 +102,6 @@ def _check_error(file: Path, shape: tuple[int, ...], of_error: tuple[int, ...] |
             f"picture {str(file)!r} has shape {shape}, its standard_error {of_error}: pass a file as it "
             "was written"
         )
-
-
-def _largest(values: NDArray[np.floating]) -> float:
-    """Return the largest of those that are finite; they may be of low precision."""
-    return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
 
 def _report_of(text: str | bytes | None) -> dict[str, Any] | None:
@@ -201,33 +186,18 @@ def _read_png(file: Path) -> Picture:
 def compare_pictures(
     one: Picture, other: Picture, reference: Picture | None = None
 ) -> dict[str, Any]:
-    """Measure one picture against the other, or both against a reference.
+    """Measure one picture against the other, or both against a reference; return plain numbers.
 
-    Returns
-    -------
-    dict
-        Of plain numbers: ``errors`` by name of the measured picture (the fields of
-        `hybrid_rt.sensor.image_metrics.PictureErrors`), the name of the reference (``against``),
-        the relative RMSE explained by the estimated noise of both (``expected``; None if one has no
-        estimate), half of the 95 % interval that the reports give the difference of the means
-        (``mean_half_interval``; None likewise), and ``seconds``, from the reports; ``nearest`` and ``nearest_of_most``, the
-        measured picture with the least relative RMSE of all pixels, and without the worst 0.1 % of
-        them (None if only one is measured, two are equally near, or it cannot be told);
-        ``nearest_told`` and ``nearest_of_most_told``, whether they can be told from noise, see
-        `hybrid_rt.analysis.nearer_picture` (None if only one is measured); ``same_noise``, the
-        measured pictures that were rendered with the random numbers of what they are compared with;
-        ``warnings``, what the reports of all pictures warn of: pairs of a name and a text; and
-        ``clipped``, by name, the part of the pixels of each .png that are clipped at 1, if any and if
-        not all pictures are .png.
+    Of each measured picture: its `PictureErrors`, the relative RMSE that noise explains (``expected``), half of the
+    95 % interval that the reports give the difference of the means, and the seconds; None where reports do not say.
+    ``nearest`` and ``nearest_of_most`` name the nearer of two, of all pixels and without the worst 0.1 % of them, and
+    ``..._told`` whether that can be told from noise (`hybrid_rt.analysis.nearer_picture`). ``same_noise``: those with
+    the random numbers of what they are compared with. ``warnings``: pairs of a name and a text of its report.
+    ``clipped``: the part of the pixels of each .png that is clipped at 1, if not all are .png.
 
-    Raises
-    ------
-    ValueError
-        If the pictures differ in size or are not finite.
+    Raises ValueError if the pictures differ in size or are not finite.
     """
-    target = other if reference is None else reference
-    measured = [one] if reference is None else [one, other]
-    names = _distinct([*measured, target])
+    measured, target, names = _measured(one, other, reference)
     for name, picture in zip(names, [*measured, target], strict=True):
         if picture.image.shape != target.image.shape:
             raise ValueError(
@@ -263,6 +233,18 @@ def compare_pictures(
         ],
         "clipped": _clipped(dict(zip(names, [*measured, target], strict=True))),
     }
+
+
+def _measured(
+    one: Picture, other: Picture, reference: Picture | None
+) -> tuple[list[Picture], Picture, list[str]]:
+    """Return what is measured, against what, and names of all, of which no two are equal."""
+    pictures = [one, other] if reference is None else [one, other, reference]
+    names = [picture.name for picture in pictures]
+    names = [
+        name if names.count(name) == 1 else f"{name} ({i + 1})" for i, name in enumerate(names)
+    ]
+    return pictures[:-1], pictures[-1], names
 
 
 def _nearest(
@@ -333,12 +315,6 @@ def _warnings_of(report: dict[str, Any] | None) -> list[str]:
     return [text for text in texts if isinstance(text, str)] if isinstance(texts, list) else []
 
 
-def _distinct(pictures: Sequence[Picture]) -> list[str]:
-    """Return names of which no two are equal."""
-    names = [picture.name for picture in pictures]
-    return [name if names.count(name) == 1 else f"{name} ({i + 1})" for i, name in enumerate(names)]
-
-
 def _expected(one: Picture, other: Picture) -> float | None:
     """Return the relative RMSE between two pictures that differ by their noise only."""
     variance = 0.0
@@ -368,16 +344,8 @@ def _half_interval(one: Picture, other: Picture) -> float | None:
 def in_words(comparison: dict[str, Any]) -> str:
     """Format a comparison as a text table."""
     head = (
-        "relative",
-        "of most",
-        "by noise",
-        "RMSE",
-        "of most",
-        "mean",
-        "stated",
-        "worst",
-        "render",
-    )
+        "relative", "of most", "by noise", "RMSE", "of most", "mean", "stated", "worst", "render",
+    )  # fmt: skip
     units = ("%", "%", "%", *["radiance"] * 5, "s")
     lines = [f"against {comparison['against']}:"]
     lines += [f"  {'':24}" + "".join(f" {word:>9}" for word in row) for row in (head, units)]
@@ -460,12 +428,7 @@ def _nearer(comparison: dict[str, Any]) -> list[str]:
 
 
 def error_map(image: NDArray[np.floating], reference: NDArray[np.floating]) -> Pixels:
-    """Map relative errors (root mean square over channels) to colours: black 0.001, yellow 1.
-
-    Returns
-    -------
-    (height, width, 3) uint8
-    """
+    """Map relative errors (root mean square over channels) to colours: black 0.001, yellow 1."""
     relative = np.sqrt(relative_squares(image, reference).mean(axis=2))
     return error_colors(relative)
 
@@ -474,19 +437,16 @@ def comparison_sheet(
     one: Picture, other: Picture, reference: Picture | None = None, exposure: float = 0.0
 ) -> Pixels:
     """Return both pictures above the maps of their errors, with the scale of these."""
-    target = other if reference is None else reference
-    names = _distinct([one, other] if reference is None else [one, other, reference])
-    against = names[-1]
+    measured, target, names = _measured(one, other, reference)
     panels = [
         (name, screen_pixels(picture.image, exposure))
         for name, picture in zip(names, (one, other), strict=False)
     ]
-    for name, picture in zip(names, [one] if reference is None else [one, other], strict=False):
-        errors: PictureErrors = picture_errors(picture.image, target.image)
-        mean = errors.relative_mean_error
+    for name, picture in zip(names, measured, strict=False):
+        errors = picture_errors(picture.image, target.image)
         caption = (
-            f"where {name} differs from {against}: {percent(errors.relative_rmse)} (relative RMSE), "
-            f"mean {signed_percent(mean)}"
+            f"where {name} differs from {names[-1]}: {percent(errors.relative_rmse)} (relative RMSE), "
+            f"mean {signed_percent(errors.relative_mean_error)}"
         )
         panels.append((caption, error_map(picture.image, target.image)))
     scale = "Relative difference of each pixel, root mean square over red, green and blue:"
@@ -494,13 +454,7 @@ def comparison_sheet(
 
 
 def check_sheet(path: str | os.PathLike[str], pictures: Sequence[str | os.PathLike[str]]) -> Path:
-    """Return the path if a comparison of these pictures can be written there.
-
-    Raises
-    ------
-    ValueError, OSError
-        If the suffix is not .png, the path is one of the pictures, or the file cannot be written.
-    """
+    """Return the path if a comparison of these pictures can be written there, as a .png; else raise."""
     out = as_path(path, "output")
     if any(out.resolve() == Path(picture).resolve() for picture in pictures):
         raise ValueError(f"output {str(out)!r} is one of the pictures: name another file")

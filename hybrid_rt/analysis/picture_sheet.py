@@ -44,22 +44,10 @@ def sheet(
     scale: str = "",
     least_width: int = LEAST_WIDTH,
 ) -> Pixels:
-    """Join pictures of equal size row by row, each with a caption above it.
+    """Join pictures (height, width, 3) row by row, each with its caption above it.
 
-    Parameters
-    ----------
-    panels : sequence of (caption, (height, width, 3) uint8)
-    columns : int
-    title : str
-        Above all.
-    scale : str
-        What the colours of `error_colors` show; "": no scale.
-    least_width : int
-        Narrower pictures are enlarged by a whole number.
-
-    Returns
-    -------
-    (height, width, 3) uint8
+    ``scale`` says what the colours of `error_colors` show; "": no scale. Pictures narrower than ``least_width``
+    are enlarged by a whole number.
     """
     from PIL import Image, ImageDraw, ImageFont
 

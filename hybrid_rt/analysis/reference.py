@@ -42,46 +42,20 @@ GROWTH, LONG_ENOUGH = 4, 0.5
 
 @dataclass(frozen=True)
 class Reference:
-    """The reference of a picture study.
-
-    Attributes
-    ----------
-    made_by : str
-    own_error : float
-        Its own relative RMSE, estimated, without the worst 0.1 % of the pixels if these are left out; nan if
-        unknown.
-    mean, mean_half_interval, mean_noise : float
-        Mean radiance; half of its 95 % interval: noise, blur of photons, lamps that were not met; and half of
-        that of the noise alone. nan if unknown.
-    seconds : float
-    passes : int
-        0 if unknown.
-    is_given : bool
-        Whether it was passed, and not made.
-    power : float
-        The square of its error falls as passes ** -power.
-    light_not_found : list of str
-        Light of the scene that it leaves out.
-    measured : dict or None
-        How much of that few photons found: ``light_not_found_measured`` of its report.
-    check : dict or None
-        A different method: ``made_by``, its ``passes``, ``seconds`` and ``own_error``, ``gap`` of the means,
-        ``gap_half_interval`` what the 95 % intervals of both explain of it, ``difference`` of the pictures
-        (relative RMSE) and ``by_noise``, ``by_blur``, what their noise and the blur of photons explain.
-    """
+    """The reference of a picture study; nan where a figure is unknown."""
 
     made_by: str
-    own_error: float
+    own_error: float  # its own relative RMSE, estimated, without what is left out of errors
     mean: float
-    mean_half_interval: float
+    mean_half_interval: float  # half its 95 % interval: noise, blur of photons, lamps not met
     seconds: float
-    check: dict[str, Any] | None
-    passes: int = 0
-    is_given: bool = False
-    power: float = 1.0
+    check: dict[str, Any] | None  # another method's picture, see `_checked`
+    passes: int = 0  # 0: unknown
+    is_given: bool = False  # passed, and not made
+    power: float = 1.0  # the square of its error falls as passes ** -power
     light_not_found: list[str] = field(default_factory=list)
-    measured: dict[str, Any] | None = None
-    mean_noise: float = math.nan
+    measured: dict[str, Any] | None = None  # how much of that few photons found
+    mean_noise: float = math.nan  # of the interval, that of the noise alone
 
 
 def make_reference(
@@ -95,18 +69,11 @@ def make_reference(
 ) -> tuple[Reference, RenderResult]:
     """Render long by one integrator; and by another that shares no light transport, to check that.
 
-    Photons check paths and paths photons, where both find all light; unless one was asked for, the
-    one that states the smaller error is the reference. Where only one finds all light it is checked
-    by itself, if it has another way to find the same (`Declaration.other_way`). ``keep`` gets the long render at
-    once, and the other one if that becomes the reference. ``part`` names the stated error that counts, see
-    `stated_error`.
-
-    The check takes no longer than the long render, but for its first passes.
-
-    Raises
-    ------
-    ValueError
-        If the reference is black.
+    Photons check paths and paths photons, where both find all light; unless one was asked for, the one that
+    states the smaller error is the reference. Where only one finds all light it is checked by itself, if it has
+    another way to find the same (`Declaration.other_way`). The check takes no longer than the long render, but
+    for its first passes. ``keep`` gets the long render at once, and the other one if that becomes the reference;
+    ``part`` names the error that counts, see `stated_error`. Raises ValueError if the reference is black.
     """
     is_free = maker is None
     complete = [name for name in REFERENCES if finds_all_light(scene, name)]
@@ -182,7 +149,11 @@ def _about(cost: tuple[float, float] | None, passes: int) -> str:
 def _checked(
     main: RenderResult, other: RenderResult, name: str, passes: int, part: str
 ) -> dict[str, Any]:
-    """Return how far a picture is from one by another method, and what explains that."""
+    """Return how far a picture is from one by another method, and what explains that.
+
+    The ``gap`` of the means with its 95 % half interval, and the ``difference`` of the pictures (relative RMSE)
+    with what their noise and the blur of photons explain.
+    """
     weight = main.image.astype(np.float64) ** 2 + DARK
     variance = sum(
         float((result.channels["standard_error"].astype(np.float64) ** 2 / weight).mean())
@@ -262,16 +233,9 @@ def run_method(
 ) -> RenderResult:
     """Render a scene by a method."""
     return render(
-        scene,
-        method.integrator,
-        passes,
-        seed=seed,
-        threads=threads,
-        accuracy=method.accuracy,
-        tolerance=method.tolerance,
-        options=method.options,
-        outputs=outputs,
-    )
+        scene, method.integrator, passes, seed=seed, threads=threads, options=method.options,
+        outputs=outputs, accuracy=method.accuracy, tolerance=method.tolerance,
+    )  # fmt: skip
 
 
 def short_render(
@@ -279,10 +243,7 @@ def short_render(
 ) -> tuple[Report, int] | None:
     """Render with more and more passes, from some on, until they take long enough to tell what one costs.
 
-    Returns
-    -------
-    report, passes
-        Of the last render; None if there is none, as ``passes`` is above ``most``.
+    Returns the last report and its passes; None if ``passes`` is above ``most``.
     """
     found, spent = None, 0.0
     while passes <= most and spent < LONG_ENOUGH:

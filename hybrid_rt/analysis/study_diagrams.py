@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from hybrid_rt.analysis.curves import Curve, Point
 from hybrid_rt.analysis.diagrams import Diagram, Line, Mark
@@ -48,10 +48,7 @@ def picture_diagram(curves: Sequence[Curve], own_error: float, trimmed: bool = F
 
 
 def hit_diagram(curves: Sequence[Curve], judged: int) -> Diagram:
-    """Plot the fraction of wrong first hits against the time per ray.
-
-    A fraction of zero is drawn hollow at its 95 % upper limit.
-    """
+    """Plot the wrong first hits against the time per ray; none is drawn hollow at its 95 % limit."""
     none = RULE_OF_THREE / max(judged, 1)
 
     def mark(p: Point) -> Mark:
@@ -71,7 +68,16 @@ def hit_diagram(curves: Sequence[Curve], judged: int) -> Diagram:
 
 def distance_diagram(curves: Sequence[Curve], size: float) -> Diagram:
     """Plot the mean |t - exact t| of correct hits, relative to size, against the time per ray."""
-    lines = [_size_line(curve, "mean_dt", size, _tolerance) for curve in curves]
+    lines = [
+        Line(
+            c.name,
+            [
+                Mark(_microseconds(p), _in_sizes(p, "mean_dt", size), _tolerance(p))
+                for p in c.points
+            ],
+        )
+        for c in curves
+    ]
     return Diagram(
         "How far right hits are from the exact point",
         A_RAY,
@@ -89,7 +95,10 @@ def newton_diagrams(curves: Sequence[Curve], size: float) -> list[Diagram]:
             title,
             "steps of Newton's iteration from the hit on the triangle",
             label,
-            [_step_line(curve, figure, size) for curve in curves],
+            [
+                Line(c.name, [Mark((p.setting,) * 3, _in_sizes(p, figure, size)) for p in c.points])
+                for c in curves
+            ],
             note=f"Lower is better. 0 steps: the triangle itself. {about} Of hits on the right sheet only: "
             "what the triangles decided wrongly no step mends. What steps cost stands in the table.",
             counts_x=True,
@@ -111,20 +120,9 @@ def newton_diagrams(curves: Sequence[Curve], size: float) -> list[Diagram]:
     ]
 
 
-def _step_line(curve: Curve, figure: str, size: float) -> Line:
-    marks = [
-        Mark((p.setting,) * 3, (max(p.more[figure] / size, NOTHING),) * 3) for p in curve.points
-    ]
-    return Line(curve.name, marks)
-
-
-def _size_line(curve: Curve, figure: str, size: float, label: Callable[[Point], str]) -> Line:
-    """Return the marks of one figure in sizes; what is smaller than any rounding stands at 1e-18."""
-    marks = [
-        Mark(_microseconds(p), (max(p.more[figure] / size, NOTHING),) * 3, label(p))
-        for p in curve.points
-    ]
-    return Line(curve.name, marks)
+def _in_sizes(p: Point, figure: str, size: float) -> tuple[float, float, float]:
+    """Return a figure in sizes; what is smaller than any rounding stands at 1e-18."""
+    return (max(p.more[figure] / size, NOTHING),) * 3
 
 
 def _microseconds(p: Point) -> tuple[float, float, float]:

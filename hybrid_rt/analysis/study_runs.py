@@ -24,16 +24,14 @@ NEARLY, BARELY_MORE = 0.9, 1.15
 
 @dataclass
 class Runs:
-    """What the runs of one method gave: figures by passes, pictures at its dearest setting.
-
-    ``unfound`` is radiance that photons found and the method does not, as each such run measured
-    that knows its size.
-    """
+    """What the runs of one method gave: figures by passes, pictures at its dearest setting."""
 
     rows: dict[int, list[dict[str, float]]] = field(default_factory=dict)
     images: list[Image] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
-    unfound: list[float] = field(default_factory=list)
+    unfound: list[float] = field(
+        default_factory=list
+    )  # radiance that photons find and it does not, by run
 
     def add_dearest(self, result: RenderResult) -> None:
         """Keep what the render of the dearest setting tells."""
@@ -47,16 +45,8 @@ class Runs:
 def next_passes(spent: Mapping[int, float], seconds: float) -> int | None:
     """Return how many passes a method is measured with next, so that a render takes about ``seconds``.
 
-    Parameters
-    ----------
-    spent : mapping of int to float
-        Seconds of the renders made, by their passes.
-    seconds : float
-
-    Returns
-    -------
-    int or None
-        Four times as many as before, or those that fill the seconds; None if they are filled.
+    Four times as many as before, or those that fill the seconds; None if they are filled. ``spent`` are the
+    seconds of the renders made, by their passes.
     """
     if not spent:
         return 1
@@ -71,12 +61,7 @@ def next_passes(spent: Mapping[int, float], seconds: float) -> int | None:
     return int(last) if last <= 2 * GROWTH * n else GROWTH * n
 
 
-def _setting(
-    runs: Runs | None,
-    k: int,
-    passes: Sequence[int],
-    seconds: float | None,
-) -> int | None:
+def _setting(runs: Runs | None, k: int, passes: Sequence[int], seconds: float | None) -> int | None:
     """Return the passes of a method's render number k of a run; None if there is no such render.
 
     By seconds, the first run finds out, and later runs repeat it.

@@ -23,16 +23,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Table:
-    """A table with words below it.
-
-    Attributes
-    ----------
-    title : str
-    head : sequence of str
-    rows : sequence of sequence of str
-    words : sequence of str
-        Definitions, one sentence or a few each.
-    """
+    """A table; the words below it define its terms."""
 
     title: str
     head: Sequence[str]
@@ -150,16 +141,7 @@ def forecast_table(
 def equal_time_table(
     curves: Sequence[Curve], reference_error: float, trimmed: bool = False
 ) -> Table:
-    """Return the errors of methods after as many seconds.
-
-    Parameters
-    ----------
-    curves : sequence of Curve
-    reference_error : float
-        Of the reference; nan if not known. Errors not clearly above it are not compared.
-    trimmed : bool
-        Whether errors leave out the worst pixels.
-    """
+    """Return the errors of methods after as many seconds; ``reference_error`` is nan if not known."""
     own = 0.0 if math.isnan(reference_error) else reference_error
     seconds, errors = at_equal_time(curves)
     # What the reference adds is taken away, if it is less than half of the square.

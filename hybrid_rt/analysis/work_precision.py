@@ -52,44 +52,21 @@ STATED = {False: "both", True: "both_trimmed"}
 
 @dataclass(frozen=True)
 class PictureStudy:
-    """Curves of pictures of one scene.
+    """Curves of pictures of one scene."""
 
-    Attributes
-    ----------
-    size : (width, height)
-    compile_seconds : float
-    reference : Reference
-    curves : list of Curve
-    meshes : list of dict
-        By ``method`` on uncertified hits: ``accuracy``, ``tolerance``, ``triangles``,
-        ``build_seconds``, and the ``error`` of its pictures that passes do not remove (0 if it is not seen above
-        the noise), with the upper 95 % limit ``error_at_most``.
-    images : dict of (height, width, 3) float32
-        By method, the first run at its dearest setting; "reference" the reference.
-    threads, runs : int
-    trimmed : bool
-        Whether all errors leave out the worst 0.1 % of the pixels.
-    """
-
-    size: tuple[int, int]
+    size: tuple[int, int]  # width and height
     compile_seconds: float
     reference: Reference
     curves: list[Curve]
-    meshes: list[dict[str, Any]]
-    images: dict[str, Image]
+    meshes: list[dict[str, Any]]  # see `mesh_errors`
+    images: dict[str, Image]  # by method, the first run at its dearest setting; and "reference"
     threads: int
     runs: int
-    trimmed: bool = False
+    trimmed: bool = False  # all errors leave out the worst 0.1 % of the pixels
 
 
 class StudyInterrupted(KeyboardInterrupt):
-    """Ctrl-C ended a study after at least one picture.
-
-    Attributes
-    ----------
-    study : PictureStudy
-        Of the pictures made, without those of meshes; methods that made none are not there.
-    """
+    """Ctrl-C ended a study after at least one picture; ``study`` has no meshes, and no methods that made none."""
 
     def __init__(self, study: PictureStudy) -> None:
         super().__init__()
@@ -115,46 +92,16 @@ def study_picture(
 ) -> PictureStudy:
     """Measure error against seconds of all methods on one scene.
 
-    Parameters
-    ----------
-    scene : Scene
-    passes : sequence of int, optional
-        Increasing; the settings of each method. Either these or ``seconds``.
-    seconds : float, optional
-        Each method is measured with 1, 4, 16 ... passes until a render takes about so long, so that all can be
-        compared at equal time.
-    runs : int
-        Number of runs per setting, each with its own seed.
-    reference_passes : int
-        Passes of the reference, unless one is given.
-    reference : Picture, optional
-        Must have the camera's resolution.
-    reference_by : one of `REFERENCES`, optional
-        Method of the reference; it is checked by another one. Default: of the methods that find all
-        light the one with the smaller estimated error.
-    methods : sequence of Method, optional
-        With certified hits. Default: `default_methods`.
-    certified_only : bool
-        Measure neither uncertified hits nor what meshes do to the picture.
-    meshes_by : str, optional
-        The integrator that these are measured by. Default: the one of ``methods``, of those that find all
-        light, that states the smallest error, without the worst 0.1 % of the pixels, in as much time.
-    trimmed : bool
-        Leave the worst 0.1 % of the pixels out of all errors, each picture its own.
-    threads : int, optional
-    say : callable, optional
-        Called with progress messages.
-    keep : callable, optional
-        Called with the render that is the reference, with its ``standard_error``, when it is made, and again
-        if the one that was to check it turns out better and takes its place.
+    Each method makes these ``passes``, or 1, 4, 16 ... until a render takes about so many ``seconds``: either the
+    one or the other. Each setting has ``runs`` seeds. A ``reference`` of the camera's size may be given; else one is
+    made by the method ``reference_by``, and checked by another one; by default, of those that find all light, the
+    one with the smaller estimated error. ``keep`` gets it, with its ``standard_error``, when it is made, and again if
+    the one that was to check it takes its place. Meshes are measured by ``meshes_by``, by default the one that
+    states the smallest error without the worst pixels in as much time. ``trimmed`` leaves the worst 0.1 % of each
+    picture's pixels out of all errors.
 
-    Raises
-    ------
-    StudyInterrupted
-        A KeyboardInterrupt that holds what was measured, on Ctrl-C after the first picture.
-    ValueError, TypeError
-        If passes are not increasing, a setting is out of range, or the integrator of the reference
-        does not find all light of the scene.
+    On Ctrl-C after the first picture a StudyInterrupted holds what was measured. A ValueError or TypeError names
+    what is out of range, or an integrator of the reference that does not find all light.
     """
     _check_settings(passes, seconds)
     _check_picture_study(scene, runs, reference, reference_by)

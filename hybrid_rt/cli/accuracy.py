@@ -45,7 +45,7 @@ examples:
 """
 
 
-def add_accuracy_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what ``hybrid-rt accuracy`` takes."""
     parser.add_argument("file", type=Path, help="a .bpt file, or a scene script (which is run)")
     parser.add_argument("--out", type=Path, help="folder for tables and pictures")
@@ -57,7 +57,7 @@ def add_accuracy_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--threads", type=one_or_more)
 
 
-def run_accuracy(args: argparse.Namespace) -> None:
+def run(args: argparse.Namespace) -> None:
     """Measure and print what is asked for, or draw an earlier table."""
     if args.out:
         say_if_no_plots("error_against_time.png and mesh_error.png")

@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from hybrid_rt.core.interrupts import sigterm_as_ctrl_c
 from meshing.outputs import check_writable, make_folder, replacing
@@ -25,8 +25,7 @@ REFUSALS = (ValueError, TypeError, OSError, ImportError, MemoryError, OverflowEr
 def run_tool(main: Callable[[], int | None], name: str = "") -> int:
     """Run a tool; return its exit code, also after argument errors and Ctrl-C.
 
-    Long compilations of kernels are announced on standard error. Messages begin with ``name``, or
-    with that of the script.
+    Messages begin with ``name``, or with that of the script.
     """
     from hybrid_rt.core.progress import watch_compilation
 
@@ -48,16 +47,8 @@ def guarded(
 ) -> int:
     """Run a command; return its exit code, also after errors, Ctrl-C, SIGTERM and closed pipes.
 
-    Parameters
-    ----------
-    name : str
-        Name of the command in messages.
-    run : callable
-        Does the work; may return an exit code.
-    told : callable
-        Takes an interrupt, returns the message.
-    level : int
-        From which level on messages of the library are shown.
+    Messages begin with ``name``; ``told`` words that of an interrupt. From ``level`` on messages of the
+    library are shown.
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         # Letters that the output does not have are shown as their numbers.
@@ -95,18 +86,11 @@ def _plain_warnings(name: str) -> Iterator[None]:
     with warnings.catch_warnings():
         as_before = warnings.showwarning
 
-        def show(
-            message: Warning | str,
-            category: type[Warning],
-            filename: str,
-            lineno: int,
-            file: TextIO | None = None,
-            line: str | None = None,
-        ) -> None:
+        def show(message: Warning | str, category: type[Warning], *place: Any, **of: Any) -> None:
             if category is UserWarning:
                 tell(f"{name}: warning: {message}")
             else:
-                as_before(message, category, filename, lineno, file, line)
+                as_before(message, category, *place, **of)
 
         warnings.showwarning = show
         yield
@@ -169,18 +153,7 @@ def say_if_no_plots(what: str) -> None:
 def check_results(folder: Path, names: Sequence[str], is_ours: Callable[[Any], bool]) -> None:
     """Make a folder for results, and say before the work if a file in it must not be replaced.
 
-    Parameters
-    ----------
-    folder : Path
-    names : sequence of str
-        Of all files; that of the figures, as JSON, comes first.
-    is_ours : callable
-        Tells whether figures that were read are of an earlier run; so are then the other files.
-
-    Raises
-    ------
-    OSError
-        If a file cannot be written, or is another program's.
+    The first of ``names`` holds the figures, as JSON; ``is_ours`` tells whether these are of an earlier run.
     """
     make_folder(folder)
     for name in names:
@@ -199,18 +172,7 @@ def check_results(folder: Path, names: Sequence[str], is_ours: Callable[[Any], b
 def kept(file: Path | None, figures: Callable[[], Any]) -> Iterator[None]:
     """Write results as JSON at the end of a block, also if Ctrl-C or an error ends it.
 
-    Parameters
-    ----------
-    file : Path or None
-        None: nothing is written.
-    figures : callable
-        Returns the results so far. An empty list or dict is not written: a file of an earlier run
-        stays as it is.
-
-    Raises
-    ------
-    OSError
-        Before the block, if the file cannot be written.
+    Without a file nothing is written, nor are empty results: a file of an earlier run stays as it is.
     """
     if file is not None:
         check_writable(file)
@@ -224,7 +186,7 @@ def kept(file: Path | None, figures: Callable[[], Any]) -> Iterator[None]:
 
 def _write(file: Path | None, figures: Any) -> None:
     if file is not None and figures:
-        from hybrid_rt.core.ledger import as_json
+        from hybrid_rt.core.plain_records import as_json
 
         with replacing(file) as opened:
             opened.write(as_json(figures).encode())
@@ -233,11 +195,7 @@ def _write(file: Path | None, figures: Any) -> None:
 def earlier_rows(file: Path, key: str, what: str, name: str) -> list[dict[str, Any]]:
     """Return the rows that an earlier run wrote as JSON, each with an entry ``key``.
 
-    Raises
-    ------
-    ValueError, OSError
-        If the file holds no such rows, or cannot be read. The message calls them ``what``, and the
-        file to pass ``name``.
+    Else a ValueError calls them ``what``, and the file to pass ``name``.
     """
     with suppress(ValueError):
         rows = json.loads(file.read_text("utf-8"))

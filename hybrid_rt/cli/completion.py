@@ -16,18 +16,7 @@ FILES = {"bash": "_shtab_compgen_files", "zsh": "_files", "tcsh": "f"}
 
 
 def completion_action(parser: Callable[[], argparse.ArgumentParser]) -> type[argparse.Action]:
-    """Return the action of an option that prints a completion script and ends the program.
-
-    Parameters
-    ----------
-    parser : callable
-        Makes the parser with all its options.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        When the option is used and shtab is not installed.
-    """
+    """Return the action of an option that prints a completion script and ends the program."""
 
     class PrintCompletion(argparse.Action):
         def __call__(self, _parser: Any, _names: Any, shell: Any, _option: Any = None) -> NoReturn:

@@ -24,18 +24,7 @@ def add_denoise_option(parser: argparse.ArgumentParser) -> None:
 
 
 def denoised_files(outputs: Mapping[str, Path]) -> dict[str, Path]:
-    """Return the files of the denoised pictures, once it is clear that they can be written.
-
-    Parameters
-    ----------
-    outputs : dict
-        The files of the honest pictures, by what the user calls them; so are those returned.
-
-    Raises
-    ------
-    ModuleNotFoundError, ValueError, OSError
-        If the denoiser is not installed, a file cannot be written, or it is one of ``outputs``.
-    """
+    """Return the files of the denoised pictures, by what the user calls them; raise if one cannot be."""
     from hybrid_rt.rendering.denoising import check_denoiser, denoised_name
     from hybrid_rt.sensor.image_files import check_output
 
@@ -55,12 +44,7 @@ def denoised_files(outputs: Mapping[str, Path]) -> dict[str, Path]:
 def save_denoised(
     result: RenderResult, files: Mapping[str, Path], exposure: float
 ) -> tuple[list[str], dict[str, str]]:
-    """Denoise a result and write it to every file that can be written.
-
-    Returns
-    -------
-    Lines that say what was written, and why the rest was not, by name.
-    """
+    """Denoise a result, and write it where that can be; return lines on what is written, and why others are not."""
     from hybrid_rt.rendering.denoising import BIASED
 
     said: list[str] = []

@@ -50,11 +50,6 @@ def open_page(name: str, options: argparse.Namespace) -> Iterator[LivePage | Non
     """Open the page that is asked for, if any; say where it is; close it at the end.
 
     ``options.live_compare`` becomes a `Picture`.
-
-    Raises
-    ------
-    ValueError, OSError
-        If the port is taken, or the picture to compare with cannot be read.
     """
     if options.live is None:
         if options.live_compare is not None:

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -19,13 +20,7 @@ from hybrid_rt.cli.options import (
     exposure_stops,
     other_options,
 )
-from hybrid_rt.cli.render import (
-    render_scene,
-    rendered,
-    say_numbers,
-    shown_progress,
-    summary,
-)
+from hybrid_rt.cli.render import render_scene, rendered, say_numbers, shown_progress, summary
 from hybrid_rt.core.suggestions import option_suggestion
 
 if TYPE_CHECKING:
@@ -90,10 +85,7 @@ def render_script(describe: Callable[[], Scene], file: str) -> int:
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that says what an option that it does not know may have been meant to be.
-
-    Parts of names are not taken for them, as a new option may change what they mean.
-    """
+    """A parser that knows no parts of names, and says what an unknown option may have been meant to be."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **{**options, "allow_abbrev": False})
@@ -111,11 +103,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 class _Command(_Parser):
-    """A command that gets its options when it is chosen.
-
-    Integrators and outputs declare some of those of ``render``, and take a while to import, which
-    no other command has to wait for.
-    """
+    """A command that gets its options when it is chosen: to import what declares them takes a while."""
 
     add_options: Callable[[argparse.ArgumentParser], None] | None = None
     is_chosen = False
@@ -137,13 +125,7 @@ class _Command(_Parser):
 
 
 class _Program(argparse.ArgumentParser):
-    """The parser of ``hybrid-rt``, which hears of options that no command knows.
-
-    Attributes
-    ----------
-    commands : dict
-        The parsers of commands, by name.
-    """
+    """The parser of ``hybrid-rt``, which hears of options that no command knows."""
 
     commands: Mapping[str, _Command] = MappingProxyType({})
 
@@ -204,13 +186,8 @@ def _parser(complete: bool = False) -> argparse.ArgumentParser:
     )
     compare.set_defaults(run=_run_compare, guard=_guarded)
 
-    study = commands.add_parser("study", help="draw error against run time, of all methods")
-    study.add_options = _add_study_options
-    study.set_defaults(run=_run_study, guard=_guarded_tool)
-
-    accuracy = commands.add_parser("accuracy", help="tell how fine a mesh must be")
-    accuracy.add_options = _add_accuracy_options
-    accuracy.set_defaults(run=_run_accuracy, guard=_guarded_tool)
+    _add_tool(commands, "study", "draw error against run time, of all methods")
+    _add_tool(commands, "accuracy", "tell how fine a mesh must be")
     parser.commands = commands.choices
     for command in commands.choices.values() if complete else ():
         command.complete()
@@ -228,40 +205,22 @@ def _guarded(run: Callable[[], int | None]) -> int:
     return guarded("hybrid-rt", run, told)
 
 
-def _guarded_tool(run: Callable[[], int | None]) -> int:
-    """Run a command that keeps what it has found when it is interrupted; return its exit code."""
-    return run_tool(run, "hybrid-rt")
+def _add_tool(commands: Any, name: str, words: str) -> None:
+    """Add a command of the module of its name, which keeps what it has found when it is interrupted."""
 
+    def module() -> Any:
+        return import_module(f"hybrid_rt.cli.{name}")
 
-def _add_study_options(parser: argparse.ArgumentParser) -> None:
-    from hybrid_rt.cli.study import DESCRIPTION, EXAMPLES, add_study_options
+    def add_options(parser: argparse.ArgumentParser) -> None:
+        parser.description, parser.epilog = module().DESCRIPTION, module().EXAMPLES
+        parser.formatter_class = argparse.RawDescriptionHelpFormatter
+        module().add_options(parser)
 
-    _describe(parser, DESCRIPTION, EXAMPLES)
-    add_study_options(parser)
-
-
-def _run_study(options: argparse.Namespace) -> None:
-    from hybrid_rt.cli.study import run_study
-
-    run_study(options)
-
-
-def _add_accuracy_options(parser: argparse.ArgumentParser) -> None:
-    from hybrid_rt.cli.accuracy import DESCRIPTION, EXAMPLES, add_accuracy_options
-
-    _describe(parser, DESCRIPTION, EXAMPLES)
-    add_accuracy_options(parser)
-
-
-def _run_accuracy(options: argparse.Namespace) -> None:
-    from hybrid_rt.cli.accuracy import run_accuracy
-
-    run_accuracy(options)
-
-
-def _describe(parser: argparse.ArgumentParser, description: str, examples: str) -> None:
-    parser.description, parser.epilog = description, examples
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    command = commands.add_parser(name, help=words)
+    command.add_options = add_options
+    command.set_defaults(
+        run=lambda options: module().run(options), guard=lambda run: run_tool(run, "hybrid-rt")
+    )
 
 
 def _run_render(options: argparse.Namespace) -> int:
@@ -298,12 +257,10 @@ def _run_demo(options: argparse.Namespace) -> None:
     from hybrid_rt import demo
     from hybrid_rt.analysis.mesh_comparison import compare_with_mesh, in_words
     from hybrid_rt.core.interrupts import heard_at_stops, held_back
-    from hybrid_rt.core.precompile import want
     from hybrid_rt.core.progress import watch_compilation
     from hybrid_rt.sensor.image_files import check_output
 
     check_output(options.out)
-    want(*demo.KERNELS)
     scene = demo.scene()
     with ExitStack() as until_saved:
         with shown_progress(options.progress) as progress:

@@ -27,21 +27,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Asked:
-    """What a command line asks for, possible as far as that is known without the scene.
+    """What a command line asks for, possible as far as that is known without the scene."""
 
-    Attributes
-    ----------
-    request : dict
-        Arguments of `render` that have options, by name.
-    outputs : list
-        Files to write.
-    denoised : dict
-        Files of denoised pictures, by what the user calls the pictures.
-    """
-
-    request: dict[str, Any]
+    request: dict[str, Any]  # arguments of `render` that have options
     outputs: list[_Output]
-    denoised: dict[str, Path]
+    denoised: dict[str, Path]  # by what the user calls the pictures
 
     @property
     def store(self) -> Path | None:
@@ -53,21 +43,10 @@ class _Asked:
 def render_scene(
     load: Callable[[], tuple[Scene, str]], name: str, options: argparse.Namespace
 ) -> int:
-    """Render the scene that is loaded once files and settings are known to be possible.
+    """Render the scene that is loaded once files and settings are known to be possible; return the exit code.
 
-    Parameters
-    ----------
-    load : callable
-        Returns the scene and the integrator that it prefers; may take its time.
-    name : str
-        The picture is named after it, unless ``--out`` is given.
-    options : argparse.Namespace
-        Those of `add_render_options`.
-
-    Returns
-    -------
-    int
-        The exit code.
+    The picture has the given name unless ``--out`` says otherwise. ``load`` also returns the integrator that
+    the scene prefers.
     """
     from hybrid_rt.core.interrupts import heard_at_stops, held_back
     from hybrid_rt.core.progress import watch_compilation
@@ -213,9 +192,8 @@ def program_words() -> list[str]:
 def _with_limit_moved(command: list[str], report: Report) -> list[str]:
     """Return a command with the limit that stopped its render moved, so that it renders further.
 
-    The passes that the line "further" forecasts, or half the error that was reached (then without a time
-    budget, which was enough for the larger error). A time budget is one for each call, and a render that
-    was broken off has not reached its limits: their commands stay as they are.
+    To what the line "further" says, or half the error that was reached (then without a time budget, which
+    was enough for the larger one). Other renders have not reached their limits: their commands stay.
     """
     from hybrid_rt.rendering.forecast import further
 

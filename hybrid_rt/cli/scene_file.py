@@ -69,16 +69,9 @@ def check_script(path: str | os.PathLike[str]) -> Path:
 
 
 def load_script(path: str | os.PathLike[str]) -> tuple[Scene, str]:
-    """Run a scene script; return its scene and its default integrator.
+    """Run a scene script; return its scene and its default integrator; see `load_scene`.
 
-    A script is a Python program that may do anything: run only scripts that you trust. It may
-    import files that lie beside it. These are forgotten afterwards, so that the next script imports
-    its own.
-
-    Raises
-    ------
-    SceneFileError
-        The message names the file, and the line where the script failed.
+    What it imports from beside it is forgotten afterwards, so that the next script imports its own.
     """
     file = check_script(path)
     with _importing_beside(file):
@@ -90,21 +83,7 @@ def load_script(path: str | os.PathLike[str]) -> tuple[Scene, str]:
 def scene_of(
     describe: Any, names: Mapping[str, Any], file: str | os.PathLike[str]
 ) -> tuple[Scene, str]:
-    """Return the scene of a script's function, and the script's default integrator.
-
-    Parameters
-    ----------
-    describe : callable
-        The script's ``scene``.
-    names : mapping
-        The script's global names.
-    file : path
-
-    Raises
-    ------
-    SceneFileError
-        As `load_script`.
-    """
+    """Return the scene of a script's function, and the default integrator among the script's ``names``."""
     file = Path(file)
     if not callable(describe):
         raise SceneFileError(

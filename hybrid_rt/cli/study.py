@@ -48,7 +48,7 @@ examples:
 """
 
 
-def add_study_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what ``hybrid-rt study`` takes."""
     parser.add_argument("source", nargs="?", metavar="SCENE.py | surface FILE.bpt")
     parser.add_argument("file", nargs="?", type=Path, help=argparse.SUPPRESS)
@@ -132,7 +132,7 @@ def add_study_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--threads", type=one_or_more)
 
 
-def run_study(args: argparse.Namespace) -> None:
+def run(args: argparse.Namespace) -> None:
     """Measure and print what is asked for, or compare two earlier runs."""
     if args.out:
         say_if_no_plots("curves.png and no page.html")
@@ -150,8 +150,6 @@ def _measure(args: argparse.Namespace) -> None:
     if args.target_trimmed is not None:
         args.target = args.target_trimmed
     checks.number(args.target, "target", above=0.0)
-    if args.seconds is not None:
-        checks.number(args.seconds, "seconds", above=0.0)
     if args.file is not None and args.source != "surface":
         raise ValueError(f"{args.source} and {args.file} are two studies: name one at a time")
     # "surface FILE.bpt" and "FILE.bpt" mean the same.
@@ -180,18 +178,15 @@ def _measure(args: argparse.Namespace) -> None:
 
 
 def _study(
-    file: Path,
-    scene: Scene | None,
-    n_rays: int,
-    studies: dict[str, Any],
-    args: argparse.Namespace,
+    file: Path, scene: Scene | None, n_rays: int, studies: dict[str, Any], args: argparse.Namespace
 ) -> None:
     """Make the studies that there can be, one after the other."""
     if scene is None:
         surfaces: list[Any] = [BezierPatches.read(file)]
     else:
         most = 120 if args.quick else 240
-        scene = _resized(scene, args.width or min(most, scene.camera.width))
+        camera = scene.camera.resized(args.width or min(most, scene.camera.width))
+        scene = scene.with_camera(camera)
         if args.only != "hits":
             try:
                 studies["picture"] = _study_picture(scene, args)
@@ -206,17 +201,14 @@ def _study(
                     f"{file} has no surface that ends, whose first hits could be timed: leave out --only hits"
                 )
     if surfaces:
-        if scene is None:
-            rays = random_camera(surfaces, n_rays, 1)
-        else:
-            rays = hit_study.camera_rays(scene, n_rays)
+        rays = (
+            random_camera(surfaces, n_rays, 1)
+            if scene is None
+            else hit_study.camera_rays(scene, n_rays)
+        )
         studies["hits"] = hit_study.study_hits(
             surfaces, rays, runs=3 if args.quick else 7, threads=args.threads, say=_tell_step
         )
-
-
-def _resized(scene: Scene, width: int) -> Scene:
-    return scene.with_camera(scene.camera.resized(width))
 
 
 def _study_picture(scene: Scene, args: argparse.Namespace) -> PictureStudy:
@@ -252,10 +244,7 @@ def _study_picture(scene: Scene, args: argparse.Namespace) -> PictureStudy:
 def _show(
     name: str, studies: dict[str, Any], full_size: tuple[int, int] | None, args: argparse.Namespace
 ) -> None:
-    shown: dict[str, Any] = {
-        "title": f"Error against run time: {name}", "asked": "", "answer": "", "command": "",
-        "details": [], "findings": [], "diagrams": [], "tables": [], "images": {},
-    }  # fmt: skip
+    shown = Study(f"Error against run time: {name}")
     measured: answers.Conditions = []
     data: dict[str, Any] = {"source": name, "versions": versions(), "target": args.target}
     if "picture" in studies:
@@ -270,19 +259,20 @@ def _show(
         if "picture" in studies:
             others.insert(0, cost)
         else:
-            shown["asked"] = "Asked: what do exact first hits cost, and how often are others wrong?"
-            shown["answer"] = cost
-        shown["findings"] += others
-        shown["diagrams"] += [
+            shown.asked = "Asked: what do exact first hits cost, and how often are others wrong?"
+            shown.answer = cost
+        shown.findings += others
+        shown.diagrams += [
             study_diagrams.hit_diagram(hits.curves, hits.judged),
             study_diagrams.distance_diagram(hits.curves, hits.size),
         ]
-        shown["tables"].append(tables.hit_table(hits.curves))
+        shown.tables.append(tables.hit_table(hits.curves))
         if hits.newton:
-            shown["diagrams"] += study_diagrams.newton_diagrams(hits.newton, hits.size)
-            shown["tables"].append(tables.newton_table(hits))
+            shown.diagrams += study_diagrams.newton_diagrams(hits.newton, hits.size)
+            shown.tables.append(tables.newton_table(hits))
         data["hits"] = asdict(hits)
-    publish_study(Study(**shown, measured=answers.conditions(measured, name)), data, args.out)
+    shown.measured = answers.conditions(measured, name)
+    publish_study(shown, data, args.out)
 
 
 def _show_picture(
@@ -290,32 +280,32 @@ def _show_picture(
     name: str,
     full_size: tuple[int, int] | None,
     target: float,
-    shown: dict[str, Any],
+    shown: Study,
 ) -> dict[str, Any]:
     """Add a picture study to what is shown; return its figures."""
     advice = advise(study, target, name, full_size)
     triangles = triangles_for(
         [row for row in study.meshes if row["accuracy"] == "mesh"], advice.target
     )
-    shown["asked"] = (
+    shown.asked = (
         f"Asked: which method renders this scene soonest to an error of {asked(target)}"
         f"{of_pixels(study.trimmed)}, on this machine?"
     )
-    shown["answer"], shown["command"] = advice.headline, advice.command
-    shown["details"] += advice.details
-    shown["findings"] += answers.bias_answers(study)
-    shown["findings"] += answers.time_answers(study)
-    shown["findings"] += answers.dots_answers(study, target)
-    shown["findings"] += answers.mesh_answer(study, advice.target, triangles)
+    shown.answer, shown.command = advice.headline, advice.command
+    shown.details += advice.details
+    shown.findings += [
+        *answers.bias_answers(study), *answers.time_answers(study),
+        *answers.dots_answers(study, target), *answers.mesh_answer(study, advice.target, triangles),
+    ]  # fmt: skip
     own = study.reference.own_error
-    shown["diagrams"].append(study_diagrams.picture_diagram(study.curves, own, study.trimmed))
-    shown["tables"].append(tables.forecast_table(advice.forecasts, advice.target, study.trimmed))
+    shown.diagrams.append(study_diagrams.picture_diagram(study.curves, own, study.trimmed))
+    shown.tables.append(tables.forecast_table(advice.forecasts, advice.target, study.trimmed))
     if len(study.curves) > 1:
-        shown["tables"].append(tables.equal_time_table(study.curves, own, study.trimmed))
-    shown["tables"].append(tables.picture_table(study.curves, study.trimmed))
+        shown.tables.append(tables.equal_time_table(study.curves, own, study.trimmed))
+    shown.tables.append(tables.picture_table(study.curves, study.trimmed))
     if study.meshes:
-        shown["tables"].append(tables.mesh_table(study))
-    shown["images"] = study.images
+        shown.tables.append(tables.mesh_table(study))
+    shown.images = study.images
     return {
         **{key: value for key, value in vars(study).items() if key != "images"},
         "reference": asdict(study.reference),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 from hybrid_rt.analysis import study_diagrams, tables
@@ -25,7 +24,11 @@ def compare(args: argparse.Namespace) -> None:
     both = [read_study(file) for file in args.compare]
     names = [str(file.parent / file.stem) for file in args.compare]
     if args.out:
-        _check_other_folder(args.out, args.compare)
+        for file in args.compare:
+            if args.out.exists() and args.out.samefile(file.parent):
+                raise ValueError(
+                    f"--out {args.out} is the folder of {file}, which would be replaced: name another"
+                )
         check_folder(args.out)
     diagrams: list[Diagram] = []
     found: list[tables.Table] = []
@@ -50,14 +53,6 @@ def compare(args: argparse.Namespace) -> None:
         tables=found,
     )
     publish_study(study, data, args.out)
-
-
-def _check_other_folder(out: Path, files: Sequence[Path]) -> None:
-    for file in files:
-        if out.exists() and out.samefile(file.parent):
-            raise ValueError(
-                f"--out {out} is the folder of {file}, which would be replaced: name another"
-            )
 
 
 def _pictures(both: Sequence[dict[str, Any]], names: Sequence[str]) -> Overlay:

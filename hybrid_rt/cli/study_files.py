@@ -16,7 +16,7 @@ from hybrid_rt.analysis.curves import Curve, Point, Spread
 from hybrid_rt.analysis.diagrams import save
 from hybrid_rt.analysis.page import Study, page
 from hybrid_rt.cli.command import check_results, say
-from hybrid_rt.core.ledger import as_json
+from hybrid_rt.core.plain_records import as_json
 from hybrid_rt.sensor.image_files import is_report
 from meshing.outputs import replacing
 

@@ -23,13 +23,7 @@ BRIGHTEST = 1e30
 
 
 def finite(value: ArrayLike, what: str, shape: tuple[int, ...]) -> FloatArray:
-    """Return an array of finite float64 numbers; -1 in ``shape`` is any length.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For anything else; ``what`` is named.
-    """
+    """Return an array of finite float64 numbers, or raise; -1 in ``shape`` is any length."""
     array = as_floats(value, what)
     if len(shape) != array.ndim or any(
         n not in (-1, m) for n, m in zip(shape, array.shape, strict=True)
@@ -44,13 +38,7 @@ def finite(value: ArrayLike, what: str, shape: tuple[int, ...]) -> FloatArray:
 
 
 def edge(value: ArrayLike, what: str) -> FloatArray:
-    """Return an edge (3,), which is not too short or long to compute with, or zero.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For anything else; ``what`` is named.
-    """
+    """Return an edge (3,) that is zero or neither too short nor too long to compute with, or raise."""
     vector = as_vector(value, what, up_to=FARTHEST)
     if 0.0 < np.abs(vector).max() < SMALLEST:
         raise ValueError(
@@ -60,13 +48,7 @@ def edge(value: ArrayLike, what: str) -> FloatArray:
 
 
 def rgb(value: ArrayLike, what: str, *, up_to: float = BRIGHTEST) -> FloatArray:
-    """Return three numbers from 0 to ``up_to``, read-only; one number stands for all three.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For anything else; ``what`` is named.
-    """
+    """Return three numbers from 0 to ``up_to``, read-only, or raise; one number stands for all three."""
     array = as_floats(value, what)
     if array.shape not in {(), (3,)}:
         raise ValueError(f"{what} has shape {array.shape}: pass one number, or three")
@@ -77,13 +59,7 @@ def rgb(value: ArrayLike, what: str, *, up_to: float = BRIGHTEST) -> FloatArray:
 
 
 def choice(value: str, what: str, options: Iterable[str], hint: str = "") -> str:
-    """Return a value that is one of the options.
-
-    Raises
-    ------
-    ValueError
-        If it is not one of them; ``what`` is named, and ``hint`` said.
-    """
+    """Return a value that is one of the options; else raise ValueError, which names ``what``."""
     if not isinstance(value, str) or value not in options:
         wanted = f"pass one of {', '.join(options)}" + (f"; {hint}" if hint else "")
         raise ValueError(f"{what} is {shown(value)}: {wanted}")
@@ -91,13 +67,7 @@ def choice(value: str, what: str, options: Iterable[str], hint: str = "") -> str
 
 
 def flag(value: bool, what: str) -> bool:
-    """Return a bool; strings are refused, since "no" would be true.
-
-    Raises
-    ------
-    TypeError
-        For anything else; ``what`` is named.
-    """
+    """Return a bool; else raise TypeError, also for strings, since "no" would be true."""
     if not isinstance(value, bool | np.bool_):
         raise TypeError(f"{what} is {shown(value)}: pass True or False")
     return bool(value)
@@ -109,13 +79,7 @@ def has(value: object, *names: str) -> bool:
 
 
 def items(values: Iterable[Any], what: str) -> tuple[Any, ...]:
-    """Return the items of an iterable, also of one that can be read only once.
-
-    Raises
-    ------
-    TypeError
-        If it is not iterable, or is a string or a dict; ``what`` is named.
-    """
+    """Return the items of an iterable, also of one that can be read only once; raise for a string or a dict."""
     if isinstance(values, str | bytes | dict) or not isinstance(values, Iterable):
         raise TypeError(f"{what} is {shown(values)}: pass a list")
     return tuple(values)

@@ -19,13 +19,7 @@ EXPONENT, BITS = 128, 8
 
 
 def read_hdr(file: Path) -> NDArray[np.float32]:
-    """Return linear radiance (height, width, 3), row 0 at the top.
-
-    Raises
-    ------
-    ValueError
-        If it is no such file, is cut off, or holds XYZ.
-    """
+    """Return linear radiance (height, width, 3), row 0 at the top; raise ValueError if that is not in the file."""
     data = file.read_bytes()
     header, end, rest = data.partition(b"\n\n")
     if header[:2] != b"#?" or not end:

@@ -15,7 +15,6 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import IntEnum
-from types import TracebackType
 from typing import Any
 
 Came = list[tuple[int, None]]
@@ -33,20 +32,7 @@ class Level(IntEnum):
 
 
 class _State:
-    """What is known of signals.
-
-    Attributes
-    ----------
-    level : Level
-    is_over : bool
-        An interrupt was raised: those that follow disturb nobody.
-    pending : list
-        Signals that are still to be raised.
-    listeners : list of _Block
-        Each signal is recorded by all of them.
-    handlers : dict
-        The handlers whose place ours has taken, by signal.
-    """
+    """What is known of signals: our handlers, and what they have heard."""
 
     def __init__(self) -> None:
         self.level, self.is_over = Level.ANYWHERE, False
@@ -149,13 +135,7 @@ class _Block:
             _state.level = Level.ANYWHERE
         return self.came
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        del error, trace
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if self._is_idle:
             return
         _state.level = Level.NOWHERE
@@ -188,10 +168,7 @@ def held_back() -> _Block:
 
 
 def kept_back() -> _Block:
-    """Suppress them in this block; each one is in the list that is yielded.
-
-    Those that still wait to be raised come first in it.
-    """
+    """Suppress them in this block; each one, also one that still waits, is in the list that is yielded."""
     return _Block(Level.NOWHERE, takes_up=True)
 
 

@@ -1,9 +1,7 @@
-"""The ledger of a render: ray counts by kind, seconds by stage; and their JSON."""
+"""The ledger of a render: ray counts by kind, seconds by stage."""
 
 from __future__ import annotations
 
-import json
-import math
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
@@ -16,22 +14,12 @@ from hybrid_rt.core.records import HitRecord, Status
 
 _COUNTERS = ("seconds", "rays", "hits", "ended", "unclosed")
 _NUMBERS = (
-    "lost_weight",
-    "carried",
-    "camera_hits",
-    "camera_hits_without_bound",
-    "largest_t_bound",
-)
+    "lost_weight", "carried", "camera_hits", "camera_hits_without_bound", "largest_t_bound",
+)  # fmt: skip
 
 
 class Ledger:
-    """Seconds per stage and counts by name, summed over a render.
-
-    Parameters
-    ----------
-    now : callable
-        Clock for the stages; returns seconds.
-    """
+    """Seconds per stage, by a clock, and counts by name, summed over a render."""
 
     def __init__(self, now: Callable[[], float] = time.perf_counter) -> None:
         self.now = now
@@ -68,14 +56,10 @@ class Ledger:
         """Add the counts of another thread, and a share of its seconds, as threads overlap."""
         for stage, seconds in other.seconds.items():
             self.seconds[stage] += share * seconds
-        self.rays.update(other.rays)
-        self.hits.update(other.hits)
-        self.ended.update(other.ended)
-        self.unclosed.update(other.unclosed)
-        self.lost_weight += other.lost_weight
-        self.carried += other.carried
-        self.camera_hits += other.camera_hits
-        self.camera_hits_without_bound += other.camera_hits_without_bound
+        for name in _COUNTERS[1:]:
+            getattr(self, name).update(getattr(other, name))
+        for name in _NUMBERS[:-1]:
+            setattr(self, name, getattr(self, name) + getattr(other, name))
         self.largest_t_bound = max(self.largest_t_bound, other.largest_t_bound)
 
     def as_dict(self) -> dict[str, Any]:
@@ -113,24 +97,6 @@ class Ledger:
         self.camera_hits += bounds.size
         self.camera_hits_without_bound += bounds.size - proven.size
         self.largest_t_bound = max(self.largest_t_bound, float(proven.max(initial=0.0)))
-
-
-def plain(value: Any) -> Any:
-    """Convert to JSON types: NumPy scalars become Python numbers, non-finite values None."""
-    if isinstance(value, dict):
-        return {key: plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
-def as_json(value: Any) -> str:
-    """Return figures as JSON text; see `plain`."""
-    return json.dumps(plain(value), indent=2, allow_nan=False) + "\n"
 
 
 def twelve_digits(value: float) -> float:

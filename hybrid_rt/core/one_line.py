@@ -17,13 +17,8 @@ _WAYS = ((6, True), (4, True), (3, True), (3, False))
 def call(of: object, /, *values: Any, **named: Any) -> str:
     """Return an object as the call that makes it, on one line of at most `WIDEST` characters.
 
-    Parameters
-    ----------
-    of : object
-        Its class gives the name.
-    *values, **named
-        Arguments of the call. Numbers are rounded, to fewer digits where the line would be too
-        long; then objects among them are shown by their class alone; then the line is cut.
+    Where that is too long, numbers get fewer digits, then objects within are shown by their class alone, and
+    then the line is cut.
     """
     line = ""
     for digits, in_full in _WAYS:

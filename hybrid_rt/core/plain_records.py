@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import types
 import typing
@@ -24,15 +25,25 @@ def absent() -> Any:
     return field(default=None, metadata={"absent": True})
 
 
-def as_plain(value: Any) -> Any:
-    """Return a value with dicts in place of records, and lists in place of tuples."""
+def as_plain(value: Any, *, finite: bool = False) -> Any:
+    """Return a value with dicts in place of records, and lists in place of tuples.
+
+    ``finite``: with None in place of numbers that are not finite, which JSON lacks.
+    """
     if isinstance(value, Mapping):
-        return {name: as_plain(one) for name, one in value.items()}
+        return {name: as_plain(one, finite=finite) for name, one in value.items()}
     if isinstance(value, list | tuple):
-        return [as_plain(one) for one in value]
+        return [as_plain(one, finite=finite) for one in value]
     if isinstance(value, np.generic):
-        return value.item()
-    return plain_fields(value) if is_dataclass(value) else value
+        value = value.item()
+    elif is_dataclass(value):
+        return as_plain(plain_fields(value), finite=finite)
+    return None if finite and isinstance(value, float) and not math.isfinite(value) else value
+
+
+def as_json(value: Any) -> str:
+    """Return figures as JSON text; numbers that are not finite become null."""
+    return json.dumps(as_plain(value, finite=True), indent=2, allow_nan=False) + "\n"
 
 
 def plain_fields(record: Any) -> dict[str, Any]:
@@ -50,12 +61,8 @@ def plain_fields(record: Any) -> dict[str, Any]:
 def from_plain(kind: type[T], held: Mapping[str, Any]) -> T:
     """Return the record of which `plain_fields` made a dict, which may hold records too.
 
-    JSON has no numbers that are not finite: None in place of a number becomes nan.
-
-    Raises
-    ------
-    KeyError, TypeError
-        If the dict is another one's.
+    JSON has no numbers that are not finite: None in place of a number becomes nan. Another dict is a KeyError
+    or TypeError.
     """
     hints = typing.get_type_hints(kind)
     of_kind = fields(kind)  # type: ignore[arg-type]

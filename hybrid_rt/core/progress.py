@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import logging
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import Any, Protocol
+from contextlib import contextmanager, suppress
+from typing import Any, Protocol, TextIO
 
 from hybrid_rt.core.interrupts import held_back
 
 # Shorter compilations are not worth a message; a long one says so often how far it is, seconds.
 ANNOUNCE_AFTER, AGAIN_AFTER = 0.5, 0.5
-# Where nobody has asked to hear of it, only what takes long is said; and once for compilations that
-# follow on each other within so many seconds.
-WARN_AFTER, SAME_WITHIN = 5.0, 10.0
+# Where nobody has asked to hear of it, a terminal shows what takes longer than this; elsewhere only what
+# takes long is said, and once for compilations that follow on each other within so many seconds.
+SHOW_AFTER, WARN_AFTER, SAME_WITHIN = 1.0, 5.0, 10.0
 
 COMPILING = "Preparing kernels (the first run compiles them)"
 
@@ -48,8 +49,6 @@ class CompileWatch:
         Called when compilation takes long, and while it does.
     is_logged : bool
         Whether that is logged as well, once, as information.
-    how_far : callable, optional
-        Returns how much is compiled of all that is known to be needed; (0, 0): unknown.
     announce_after : float, optional
         Seconds of compilation before the first message.
     """
@@ -58,13 +57,11 @@ class CompileWatch:
         self,
         progress: Progress | None,
         is_logged: bool = False,
-        how_far: Callable[[], tuple[int, int]] = lambda: (0, 0),
         announce_after: float | None = None,
     ) -> None:
         self._after = ANNOUNCE_AFTER if announce_after is None else announce_after
         self._is_logged = is_logged
         self._progress = progress
-        self._how_far = how_far
         # Whoever hears of progress may compile something.
         self._lock = threading.RLock()
         self._depth = 0
@@ -118,7 +115,7 @@ class CompileWatch:
             if self._is_logged and is_new:
                 self._log()
             if self._progress is not None:
-                self._progress(COMPILING, *self._how_far())
+                self._progress(COMPILING, 0, 0)
                 self._announce_after(AGAIN_AFTER)
 
     def _log(self) -> None:
@@ -126,11 +123,15 @@ class CompileWatch:
 
 
 class _WatchOutside(CompileWatch):
-    """Warns of kernels that compile for long while nobody else tells of it."""
+    """Tells of kernels that compile for long while nobody else does: a terminal, or else the log."""
 
-    def __init__(self) -> None:
-        super().__init__(None, is_logged=True, announce_after=WARN_AFTER)
-        self._ended = 0.0
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._terminal = stream if stream is not None and stream.isatty() else None
+        if self._terminal is None:
+            super().__init__(None, is_logged=True, announce_after=WARN_AFTER)
+        else:
+            super().__init__(self._show, announce_after=SHOW_AFTER)
+        self._ended, self._shown = 0.0, ""
 
     def on_start(self, event: Any) -> None:
         """Handle numba's event that a compilation begins."""
@@ -144,6 +145,21 @@ class _WatchOutside(CompileWatch):
         with self._lock:
             super().on_end(event)
             self._ended = time.perf_counter()
+            if self._depth == 0:
+                self._write("")
+
+    def _show(self, stage: str, done: int, total: int) -> None:
+        del done, total
+        if not _is_watching:
+            self._write(f"{stage} ... {self.seconds:.0f} s")
+
+    def _write(self, line: str) -> None:
+        """Replace the line in the terminal."""
+        if self._terminal is not None and (line or self._shown):
+            with suppress(OSError, ValueError):  # it is gone
+                self._terminal.write("\r" + " " * len(self._shown) + "\r" + line)
+                self._terminal.flush()
+            self._shown = line
 
     def _log(self) -> None:
         if not _is_watching:
@@ -155,12 +171,12 @@ _outside: _WatchOutside | None = None
 
 
 def warn_of_compilation() -> None:
-    """From now on warn of long compilations that no `watch_compilation` tells of."""
+    """From now on tell of long compilations that no `watch_compilation` tells of."""
     from numba.core import event
 
     global _outside  # noqa: PLW0603
     if _outside is None:
-        _outside = _WatchOutside()
+        _outside = _WatchOutside(sys.stderr)
         register: Any = event.register
         register("numba:compile", _listener(_outside))
 
@@ -195,11 +211,9 @@ def watch_compilation(
     """
     from numba.core import event
 
-    from hybrid_rt.core.precompile import how_far
-
     global _is_watching  # noqa: PLW0603
     before = _is_watching
-    watch = CompileWatch(progress, tells and not before, how_far)
+    watch = CompileWatch(progress, tells and not before)
 
     _is_watching = before or tells
     try:

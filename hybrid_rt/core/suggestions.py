@@ -56,14 +56,7 @@ _BY_NAME = {name: meant for names, meant in _MEANT.items() for name in names.spl
 
 
 def instead(name: str, known: Iterable[str]) -> str:
-    """Return what to take instead of a name that is not there, as "take ..."; or "".
-
-    Parameters
-    ----------
-    name : str
-    known : iterable of str
-        The names that there are.
-    """
+    """Return what to take instead of a name that is not among the known ones, as "take ..."; or ""."""
     meant = _BY_NAME.get(name.lower().replace("_", ""))
     return like(name, known) if meant is None else f"take {meant}"
 
@@ -100,11 +93,7 @@ def refuse(name: str, known: Iterable[str]) -> None:
 def explains(**meant: str) -> Callable[[T], T]:
     """Return a decorator: calls with a keyword that does not exist are told what is meant by it.
 
-    Parameters
-    ----------
-    **meant : str
-        What to pass instead, by the names that other programs have for it. Misspelled names need not
-        be given.
+    ``meant`` says what to pass instead, by the names that other programs have for it.
     """
 
     def decorate(target: T) -> T:
@@ -136,14 +125,7 @@ def _argument(name: str, takes: Iterable[str]) -> str:
 def option_suggestion(message: str, known: Iterable[str], meant: Mapping[str, str]) -> str:
     """Return ": did you mean ...?" for the first unknown option that resembles a known one, or "".
 
-    Parameters
-    ----------
-    message : str
-        Of argparse: "unrecognized arguments: ...".
-    known : iterable of str
-        Options of the command, "--passes" and so on.
-    meant : mapping of str to str
-        Options by the names that other programs have for them.
+    ``message`` is argparse's; ``meant`` has options by the names that other programs have for them.
     """
     known = [option for option in known if option.startswith("--")]
     for word in message.partition(": ")[2].split():
@@ -160,11 +142,6 @@ def suggestion(error: BaseException) -> str:
 
     Of an argument that resembles none it says which ones there are. Python itself suggests names only
     where it prints a traceback, and none for arguments.
-
-    Parameters
-    ----------
-    error : BaseException
-        As it was caught, with its traceback.
     """
     with suppress(Exception):  # whatever is wrong here must not hide the error
         wrong, known = _wrong_and_known(error)

@@ -64,15 +64,8 @@ def as_done(futures: Collection[Future[Any]]) -> Iterator[Future[Any]]:
 class Pool:
     """Runs a function over slices of ``range(n)``; the threads start with the first long batch.
 
-    Parameters
-    ----------
-    threads : int, optional
-        Default: as many as this process may use.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If it is not an integer from 1 to `MOST_THREADS`.
+    Raises ValueError or TypeError unless ``threads`` is an integer from 1 to `MOST_THREADS`, or None: as many
+    as this process may use.
     """
 
     def __init__(self, threads: int | None = None) -> None:
@@ -82,15 +75,9 @@ class Pool:
         self._executor: ThreadPoolExecutor | None = None
 
     def run(self, work: Callable[[int, int], None], n: int, longest: int = SLICE) -> None:
-        """Call a function for slices that cover ``range(n)``.
+        """Call a function with (begin, end) for slices that cover ``range(n)``, several at once.
 
-        Parameters
-        ----------
-        work : callable
-            Takes (begin, end); may run in several threads at once. Its exceptions propagate.
-        n : int
-        longest : int
-            Longest slice.
+        Its exceptions propagate.
         """
         if n <= longest // 8 or self.threads == 1:
             for begin in range(0, n, longest):

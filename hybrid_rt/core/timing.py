@@ -18,15 +18,7 @@ Built = TypeVar("Built")
 
 @dataclass(frozen=True)
 class Timing:
-    """Seconds of one method over several rounds.
-
-    Attributes
-    ----------
-    median, least, most : float
-        Seconds.
-    rounds : tuple of float
-        Seconds of each round.
-    """
+    """Seconds of one method over several rounds."""
 
     median: float
     least: float
@@ -40,17 +32,7 @@ class Timing:
 
 
 class Stopwatch:
-    """Sums the seconds of all blocks that run in it; for one thread.
-
-    Parameters
-    ----------
-    now : callable
-        Clock; returns seconds.
-
-    Attributes
-    ----------
-    seconds : float
-    """
+    """Sums the seconds of all blocks that run in it; for one thread."""
 
     def __init__(self, now: Callable[[], float] = time.perf_counter) -> None:
         self.seconds = 0.0
@@ -68,13 +50,7 @@ class Stopwatch:
 
 
 def in_turn(contestants: Mapping[Name, Callable[[], object]], rounds: int) -> dict[Name, Timing]:
-    """Run all methods once for warm-up, then ``rounds`` times in turn.
-
-    Returns
-    -------
-    dict of Timing
-        Changes of machine speed affect all methods alike.
-    """
+    """Run all methods once for warm-up, then ``rounds`` times in turn: changes of speed affect all alike."""
     for run in contestants.values():
         run()
     seconds: dict[Name, list[float]] = {name: [] for name in contestants}

@@ -42,17 +42,10 @@ class WrongHits(NamedTuple):
 def wrong_hits(
     exact_object: IntArray, found_object: IntArray, is_elsewhere: BoolArray, judged: BoolArray
 ) -> WrongHits:
-    """Classify first hits.
+    """Classify first hits; -1 is a miss.
 
-    Parameters
-    ----------
-    exact_object, found_object : (n,) int32
-        Objects hit; -1 on a miss.
-    is_elsewhere : (n,) bool
-        Whether the found t is nearer to another crossing than to the first; read where both meet
-        something.
-    judged : (n,) bool
-        False for rays whose exact answer is decided within rounding: they are left out.
+    ``is_elsewhere`` tells, where both meet something, whether the found t is nearer to another crossing than
+    to the first. Rays that are not ``judged``, as rounding decides their exact answer, are left out.
     """
     exists, found = exact_object >= 0, found_object >= 0
     both = judged & exists & found
@@ -61,10 +54,7 @@ def wrong_hits(
 
 
 def is_nearer(found_t: FloatArray, next_t: FloatArray, exact_t: FloatArray) -> BoolArray:
-    """Tell which t are nearer to the second crossing than to the first, (n,) bool.
-
-    ``next_t`` is inf if there is no second crossing.
-    """
+    """Tell which t are nearer to the second crossing, inf if there is none, than to the first, (n,) bool."""
     with np.errstate(invalid="ignore"):  # inf - inf where both miss
         nearer: BoolArray = np.abs(found_t - next_t) < np.abs(found_t - exact_t)
     return nearer

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
 from hybrid_rt.core.one_line import cut
-from hybrid_rt.core.precompile import want
+from hybrid_rt.core.precompile import Task, want
 from hybrid_rt.core.progress import warn_of_compilation
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.core.threads import Pool
@@ -33,9 +33,9 @@ from hybrid_rt.intersection.kind import Finished, new_nearest, new_record, rows_
 from hybrid_rt.intersection.kinds.closed_forms import closed_forms
 from hybrid_rt.intersection.kinds.registry import (
     ACCURACIES,
+    by_entry,
     check_surfaces,
     count_by_kind,
-    kernel_groups,
     make_kinds,
 )
 from hybrid_rt.intersection.limits import Limit
@@ -109,7 +109,7 @@ class Intersector:
         )
         self.surfaces = check_surfaces(several)
         self.accuracy, self.coarse = accuracy, coarse
-        want(*kernel_groups(self.surfaces, accuracy, coarse))
+        want(self._rehearsals)
         warn_of_compilation()
         self._pool = Pool(threads)
         # Points of closed forms lie on them up to the rounding of their own coordinates, those of
@@ -371,6 +371,17 @@ class Intersector:
         else:
             self._coarse.refine(self._curved, rays, best, tally, found, watch)
 
+    def _describe_none(self) -> None:
+        """Call the kernels that describe hits, of no rays."""
+        none = np.empty((0, 3))
+        rays, _, _ = make_batch(none, none, 0.0, np.inf, None, None, self._reach, self._pool).rows(
+            0, 0
+        )
+        best, record = new_nearest(np.empty(0)), new_record(0)
+        out = Finished(*(getattr(record, name) for name in Finished._fields))
+        for number, kind in enumerate(self._finishing):
+            kind.finish(rays, best, self._kind_of, number, out)
+
     def _number_kinds(self) -> None:
         """Set what describes the hits of each kind, by its number, and which of these settle hits."""
         self._finishing: list[Any] = [*self._direct, *self._curved]
@@ -383,6 +394,14 @@ class Intersector:
             if self.accuracy == "certified" and isinstance(kind, Probing)
         ]
 
+    def _rehearsals(self) -> Iterator[Task]:
+        """Yield what calls the kernels of each kind, the search's before those of triangles."""
+        kinds = by_entry(self.surfaces)[::-1]
+        if self.accuracy == "certified":
+            yield from ((rehearse, (surfaces, "certified", "none")) for surfaces in kinds)
+        if self.coarse == "embree":
+            yield from ((rehearse, (surfaces, "mesh", "embree")) for surfaces in kinds)
+
     def _add_work(self, tallies: list[FloatArray], watches: list[Stopwatch]) -> None:
         self.coarse_seconds += sum(watch.seconds for watch in watches)
         for tally in tallies:
@@ -391,6 +410,21 @@ class Intersector:
                     self.counters[name] = max(self.counters[name], int(value))
                 else:
                     self.counters[name] += int(value)
+
+
+def rehearse(surfaces: Sequence[Surface], accuracy: str, coarse: str) -> None:
+    """Ask for first hits and shadows in all forms that kernels tell apart."""
+    tracer = Intersector(surfaces, accuracy, coarse, threads=1)
+    low, high = np.clip(surfaces[0].bounds, -1e3, 1e3)
+    rng = np.random.default_rng(1)
+    start = 0.5 * (low + high) + np.linalg.norm(high - low) * rng.normal(size=(20_000, 3))
+    to = low + (high - low) * rng.random(start.shape) - start
+    # First what describes hits: others begin with what finds them.
+    tracer._describe_none()
+    tracer.occluded(start, to)
+    hits = tracer.intersect(start, to)
+    found = hits[hits.hit]
+    tracer.intersect(found.position, to[hits.hit], source=found)
 
 
 def check_settings(accuracy: str, coarse: str = "embree", tolerance: float | None = None) -> None:

@@ -65,6 +65,11 @@ def trim_of(
     return Trim(make_table(surfaces), member, span, gap[member], scale)
 
 
+def no_trim() -> Trim:
+    """Return no loops, for kernels that are compiled once for whole and trimmed surfaces."""
+    return trim_of([], [], np.empty((0, 4)), 1.0, np.empty((0, 4)))
+
+
 def trim_of_single(surfaces: Sequence[TrimmedSurface]) -> Trim:
     """Return the loops of surfaces of one piece each, met in lengths of the world."""
     n = len(surfaces)

@@ -15,7 +15,8 @@ from hybrid_rt.shading.kernels.cell_tree import (
     density_of_cells,
     sample_cells,
 )
-from meshing.area import CELLS, CellSampler, Grid, IdArray, Triangles, Weighted
+from meshing.area import CELLS, CellSampler, Grid, Triangles, Weighted
+from meshing.checks import IdArray
 from meshing.surface import Surface
 from meshing.trimmed_area import TrimmedCells
 
@@ -32,14 +33,9 @@ FLAT = 1e-9
 
 
 class Cells:
-    """A surface as a tree of cells; see `hybrid_rt.shading.kernels.cell_tree`.
+    """A bounded surface as a tree of cells, see `hybrid_rt.shading.kernels.cell_tree`.
 
-    Parameters
-    ----------
-    surface : Surface
-        Bounded, of an area above 0.
-    uneven : Weighted, optional
-        Cells of it, with their brightness over the mean as weights. Default: it shines evenly.
+    ``uneven`` are cells with their brightness over the mean as weights; None: it shines evenly.
     """
 
     def __init__(self, surface: Surface, uneven: Weighted | None = None) -> None:
@@ -56,13 +52,7 @@ class Cells:
     def choose(
         self, seen_from: FloatArray, xi: FloatArray
     ) -> tuple[IdArray, FloatArray, FloatArray, FloatArray]:
-        """Return (patch_id, u, v, pdf per area) of points sampled as seen from others.
-
-        Parameters
-        ----------
-        seen_from : (n, 3) float64
-        xi : (n, 2) float64 in [0, 1)
-        """
+        """Return (patch_id, u, v, pdf per area) of points sampled as seen from others (n, 3)."""
         n = len(seen_from)
         cell, place, density = np.empty(n, dtype=np.int64), np.empty((n, 2)), np.empty(n)
         sample_cells(self._tree, seen_from, xi, *_scratch(), cell, place, density)

@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
 from hybrid_rt.core.one_line import call, one_or_three
-from hybrid_rt.lights.light import Environment, upright
-from hybrid_rt.shading.kernels.environment import GRADIENT, EnvironmentTable
+from hybrid_rt.lights.light import BLACK, Environment, upright
+from hybrid_rt.shading.kernels.environment import GRADIENT
 
 
 class GradientSky(Environment):
@@ -38,23 +38,15 @@ class GradientSky(Environment):
         heights = np.array([low.mean(), high.mean()])
         if heights.any():  # only their ratio counts, and squares of very small ones would vanish
             heights /= heights.max()
-        self._table = EnvironmentTable(
+        self._table = BLACK._replace(
             kind=GRADIENT,
             frame=upright(checks.as_direction(up, "GradientSky up")),
             colors=np.stack([low, high]),
             # A black sky is chosen from evenly.
             heights=heights if heights.any() else np.ones(2),
-            texel=np.zeros((1, 1, 3), dtype=np.float32),
-            rows=np.array([[0.0, 1.0]]),
-            columns=np.array([[0.0, 1.0]]),
         )
 
     def __repr__(self) -> str:
         """Return the call that makes it."""
         bottom, top = (one_or_three(color) for color in self._table.colors)
         return call(self, bottom, top, up=self._table.frame[2])
-
-    @property
-    def table(self) -> EnvironmentTable:
-        """Return the table that the kernels take."""
-        return self._table

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt.core import checks
 from hybrid_rt.core.records import FloatArray
-from hybrid_rt.lights.light import Environment, upright
-from hybrid_rt.shading.kernels.environment import PICTURE, EnvironmentTable
+from hybrid_rt.lights.light import BLACK, Environment, upright
+from hybrid_rt.shading.kernels.environment import PICTURE
 from hybrid_rt.textures.image import linear_texels
 
 
@@ -44,14 +44,9 @@ class ImageEnvironment(Environment):
         texels = linear_texels(image, "ImageEnvironment")
         rows, columns = _shares(texels)
         start, left, upward = upright(checks.as_direction(up, "ImageEnvironment up"))
-        self._table = EnvironmentTable(
-            kind=PICTURE,
-            frame=np.stack([start, -left, upward]),
-            colors=np.zeros((2, 3)),
-            heights=np.ones(2),
-            texel=texels,
-            rows=rows,
-            columns=columns,
+        frame = np.stack([start, -left, upward])
+        self._table = BLACK._replace(
+            kind=PICTURE, frame=frame, texel=texels, rows=rows, columns=columns
         )
 
     def __repr__(self) -> str:
@@ -60,24 +55,18 @@ class ImageEnvironment(Environment):
         up = ", ".join(f"{x:.4g}" for x in self._table.frame[2])
         return f"ImageEnvironment({width} x {height}, up=({up}))"
 
-    @property
-    def table(self) -> EnvironmentTable:
-        """Return the table that the kernels take."""
-        return self._table
-
 
 def _shares(texels: NDArray[np.float32]) -> tuple[FloatArray, FloatArray]:
     """Return the shares of rows and of texels within rows, each summed up from 0 to 1.
 
-    A texel counts with the mean over its neighbours too: between texels radiance is bilinear, and
-    nothing that shines may be left out.
+    A texel counts with the mean over its neighbours too, as radiance is bilinear.
     """
     bright = texels.mean(axis=2, dtype=np.float64)
     around = np.pad(bright, ((0, 0), (1, 1)), mode="wrap")
     bright = 0.25 * around[:, :-2] + 0.5 * around[:, 1:-1] + 0.25 * around[:, 2:]
     around = np.pad(bright, ((1, 1), (0, 0)), mode="edge")
     bright = 0.25 * around[:-2] + 0.5 * around[1:-1] + 0.25 * around[2:]
-    height, width = bright.shape
+    height = len(bright)
     if not bright.any():
         bright = np.ones_like(bright)
     edges = np.cos(np.pi * np.arange(height + 1) / height)
@@ -86,5 +75,4 @@ def _shares(texels: NDArray[np.float32]) -> tuple[FloatArray, FloatArray]:
     within = np.where(bright.sum(axis=1, keepdims=True) > 0.0, bright, 1.0)
     rows = np.concatenate([[0.0], np.cumsum(of_row)])[None]
     columns = np.concatenate([np.zeros((height, 1)), np.cumsum(within, axis=1)], axis=1)
-    assert width == columns.shape[1] - 1
     return rows / rows[:, -1:], columns / columns[:, -1:]

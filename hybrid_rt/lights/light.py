@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,8 +10,9 @@ from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
 from hybrid_rt.core.records import FloatArray
-from hybrid_rt.shading.kernels.environment import EnvironmentTable, sky_on_rays
+from hybrid_rt.shading.kernels.environment import NO_SKY, EnvironmentTable, sky_on_rays
 from hybrid_rt.textures.texture import Texture
+from meshing.surface import Surface
 
 
 @dataclass(frozen=True)
@@ -31,27 +31,44 @@ class LightRow:
     the photons it sends; a texture counts by its mean, wherever on the surface it is bright."""
 
 
-class Light(ABC):
-    """A light inside the scene; immutable."""
+class Light:
+    """A light inside the scene; immutable. Each class sets `_row`, and `_surface` if rays can hit it."""
+
+    _row: LightRow
+    _surface: Surface | None = None
 
     @property
-    @abstractmethod
     def row(self) -> LightRow:
         """The light's row of the light table."""
+        return self._row
 
     @property
-    @abstractmethod
     def surface(self) -> Any:
         """The surface that emits from its front side; None for a light that rays cannot hit."""
+        return self._surface
 
 
-class Environment(ABC):
-    """Light from infinitely far; immutable."""
+# What is no picture has this one texel, which kernels do not read.
+BLACK = EnvironmentTable(
+    kind=NO_SKY,
+    frame=np.eye(3),
+    colors=np.zeros((2, 3)),
+    heights=np.ones(2),
+    texel=np.zeros((1, 1, 3), dtype=np.float32),
+    rows=np.array([[0.0, 1.0]]),
+    columns=np.array([[0.0, 1.0]]),
+)
+
+
+class Environment:
+    """Light from infinitely far; immutable. Each class sets `_table`."""
+
+    _table: EnvironmentTable
 
     @property
-    @abstractmethod
     def table(self) -> EnvironmentTable:
         """The table that the kernels take."""
+        return self._table
 
     def radiance(self, directions: FloatArray) -> FloatArray:
         """Return the radiance (n, 3) arriving from unit directions (n, 3)."""
@@ -61,13 +78,7 @@ class Environment(ABC):
 
 
 def lamp_radiance(radiance: Texture | ArrayLike, lamp: str, surface: str) -> FloatArray:
-    """Return the radiance of a lamp that shines evenly, (3,) float64.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If it is out of range, or a texture: that takes an object with the surface named.
-    """
+    """Return the radiance (3,) of a lamp that shines evenly; a texture takes an object with that surface."""
     if isinstance(radiance, Texture):
         raise TypeError(
             f"{lamp} radiance is a texture: pass a number or three; a picture shines as "

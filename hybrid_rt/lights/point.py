@@ -51,13 +51,3 @@ class PointLight(Light):
         """Return the call that makes it."""
         row = self._row
         return call(self, row.origin, intensity=one_or_three(row.strength))
-
-    @property
-    def row(self) -> LightRow:
-        """Return the light's row of the light table."""
-        return self._row
-
-    @property
-    def surface(self) -> None:
-        """Return None: rays cannot hit a point."""
-        return

@@ -63,13 +63,3 @@ class RectangleLight(Light):
         row = self._row
         radiance = one_or_three(row.strength)
         return call(self, row.origin, row.edge_u, row.edge_v, radiance=radiance)
-
-    @property
-    def row(self) -> LightRow:
-        """Return the light's row of the light table."""
-        return self._row
-
-    @property
-    def surface(self) -> Rectangle:
-        """Return the emissive rectangle."""
-        return self._surface

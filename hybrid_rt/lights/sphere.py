@@ -61,13 +61,3 @@ class SphereLight(Light):
         row = self._row
         radiance = one_or_three(row.strength)
         return call(self, row.origin, radius=row.edge_u[0], radiance=radiance)
-
-    @property
-    def row(self) -> LightRow:
-        """Return the light's row of the light table."""
-        return self._row
-
-    @property
-    def surface(self) -> Sphere:
-        """Return the emissive sphere."""
-        return self._surface

@@ -99,13 +99,3 @@ class SpotLight(Light):
         strength = one_or_three(row.strength)
         angles = {"cone_angle": outer, "edge_angle": outer - inner}
         return call(self, row.origin, row.edge_u, intensity=strength, **angles)
-
-    @property
-    def row(self) -> LightRow:
-        """Return the light's row of the light table."""
-        return self._row
-
-    @property
-    def surface(self) -> None:
-        """Return None: rays cannot hit a point."""
-        return

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property, singledispatch
+from functools import cached_property
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from hybrid_rt.primitives import Box, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.shading.kernels.light_kinds import RECTANGLE, SPHERE, LightPoints
 from hybrid_rt.shading.kernels.shining_faces import Faces, angle_of_faces, sample_faces
 from hybrid_rt.textures.texture import Texture
-from meshing.area import AreaSampler, IdArray, Weighted
+from meshing.area import AreaSampler, Weighted
+from meshing.checks import IdArray
 from meshing.surface import Surface
 from meshing.trimmed import TrimmedSurface
 
@@ -28,11 +29,7 @@ ONE_OF = 16
 class ShiningSurface:
     """A surface as an area light: photons leave points chosen by area, hits ask points that they see.
 
-    Parameters
-    ----------
-    surface : Surface
-    sampler : AreaSampler
-        Of that surface. A `Weighted` one chooses cells by the light that they send out.
+    A `Weighted` sampler chooses cells by the light that they send out.
     """
 
     def __init__(self, surface: Surface, sampler: AreaSampler) -> None:
@@ -62,64 +59,33 @@ class ShiningSurface:
 
     def points(self, xi: FloatArray) -> LightPoints:
         """Return points sampled by area, by random numbers (n, 2) in [0, 1), as kernels take them."""
-        patch, u, v = self.choose(xi)
-        point, normal = self.surface.point(u, v, patch), self.surface.normal(u, v, patch)
-        return LightPoints(point, normal, self.pdf_area(patch, u, v), *self._looked_up(patch, u, v))
+        where = self.choose(xi)
+        return self._at(*where, self.pdf_area(*where))
 
     def pdf_area(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
         """Return the pdf per area of `points`."""
         return self._sampler.pdf_area(patch_id, u, v)
 
     def seen_points(self, seen_from: FloatArray, xi: FloatArray) -> LightPoints:
-        """Return points sampled by about the solid angle that they are seen under.
+        """Return points sampled by about the solid angle that they are seen under from points (n, 3)."""
+        return self._at(*self._cells.choose(seen_from, xi))
 
-        Parameters
-        ----------
-        seen_from : (n, 3) float64
-        xi : (n, 2) float64 in [0, 1)
-        """
-        patch, u, v, density = self._cells.choose(seen_from, xi)
-        point, normal = self.surface.point(u, v, patch), self.surface.normal(u, v, patch)
-        return LightPoints(point, normal, density, *self._looked_up(patch, u, v))
-
-    def _looked_up(
-        self, patch_id: IdArray, u: FloatArray, v: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return where the texture of the light is looked up at points: (u, v) of `LightPoints`."""
-        del patch_id
-        return u, v
+    def _at(
+        self, patch_id: IdArray, u: FloatArray, v: FloatArray, density: FloatArray
+    ) -> LightPoints:
+        surface = self.surface
+        point, normal = surface.point(u, v, patch_id), surface.normal(u, v, patch_id)
+        if isinstance(surface, TriangleMesh) and surface.texture_coordinates is not None:
+            u, v = surface.texture_point(u, v, patch_id).T.copy()
+        return LightPoints(point, normal, density, u, v)
 
     def seen_pdf_area(self, seen_from: FloatArray, hits: HitRecord) -> FloatArray:
-        """Return the pdf per area with which `seen_points` samples hits, seen from (n, 3) points.
-
-        Parameters
-        ----------
-        seen_from : (n, 3) float64
-        hits : HitRecord of n rows
-            On this surface.
-        """
+        """Return the pdf per area with which `seen_points` samples hits on the surface."""
         return self._cells.pdf_area(seen_from, hits.patch_id.astype(np.int64), hits.u, hits.v)
 
 
-class ShiningMesh(ShiningSurface):
-    """A mesh with texture coordinates as an area light: its texture is looked up at these."""
-
-    def __init__(self, surface: TriangleMesh, sampler: AreaSampler) -> None:
-        super().__init__(surface, sampler)
-        self._mesh = surface
-
-    def _looked_up(
-        self, patch_id: IdArray, u: FloatArray, v: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        place = self._mesh.texture_point(u, v, patch_id)
-        return place[:, 0].copy(), place[:, 1].copy()
-
-
 class ShiningSphere(ShiningSurface):
-    """A sphere as an area light: seen from points on the sphere itself it is sampled by area.
-
-    Within a sphere the two cosines over the squared distance are constant.
-    """
+    """A sphere as an area light, sampled by area from its own points: there that is even."""
 
     def __init__(self, surface: Sphere, sampler: AreaSampler) -> None:
         super().__init__(surface, sampler)
@@ -225,16 +191,7 @@ class ShiningTrimmed(ShiningSurface):
 def shining_surface(surface: Surface, radiance: Texture | None = None) -> ShiningSurface | None:
     """Return a surface as an area light; None for an infinite plane.
 
-    Parameters
-    ----------
-    surface : Surface
-    radiance : Texture, optional
-        Where it is very uneven, points are sampled by it. Default: even.
-
-    Raises
-    ------
-    ValueError
-        If the area of the surface is zero, or nothing of it is inside its loops.
+    Where ``radiance`` is very uneven, points are sampled by it. A ValueError says that there is no area.
     """
     sampler = surface.area_sampler()
     if sampler is None:
@@ -247,42 +204,17 @@ def shining_surface(surface: Surface, radiance: Texture | None = None) -> Shinin
         return ShiningSphere(surface, sampler)
     if isinstance(surface, TrimmedSurface):
         return ShiningTrimmed(surface, sampler)
-    if isinstance(surface, TriangleMesh) and surface.texture_coordinates is not None:
-        return ShiningMesh(surface, sampler)
     return ShiningSurface(surface, sampler)
 
 
-@singledispatch
-def with_shape(surface: Surface, row: LightRow, is_even: bool) -> LightRow:
-    """Return the row of a light as a shape that kernels sample directly, if its surface is one.
-
-    Each class with such a shape registers a conversion; others stay lights of kind `SURFACE`.
-
-    Parameters
-    ----------
-    surface : Surface
-    row : LightRow
-        Its light, of kind `SURFACE`.
-    is_even : bool
-        Whether its radiance is constant.
-    """
-    del surface, is_even
-    return row
-
-
-@with_shape.register(Rectangle)
-def _rectangle(surface: Rectangle, row: LightRow, is_even: bool) -> LightRow:
-    if not is_even and row.texture is not None and is_very_uneven(row.texture):
-        return row
-    return replace(
-        row, kind=RECTANGLE, origin=surface.corner, edge_u=surface.edge_u, edge_v=surface.edge_v
-    )
-
-
-@with_shape.register(Sphere)
-def _sphere(surface: Sphere, row: LightRow, is_even: bool) -> LightRow:
+def with_shape(surface: Surface, row: LightRow) -> LightRow:
+    """Return the row of a light as a shape that kernels sample directly, if its surface is one."""
+    texture = row.texture
+    if isinstance(surface, Rectangle) and (texture is None or not is_very_uneven(texture)):
+        u, v = surface.edge_u, surface.edge_v
+        return replace(row, kind=RECTANGLE, origin=surface.corner, edge_u=u, edge_v=v)
     # From outside, a sphere that shines evenly is better chosen from by the angle it is seen under.
-    if surface.orientation < 0 or not is_even:
-        return row
-    size = np.array([surface.radius, 0.0, 0.0])
-    return replace(row, kind=SPHERE, origin=surface.center, edge_u=size)
+    if isinstance(surface, Sphere) and surface.orientation > 0 and texture is None:
+        size = np.array([surface.radius, 0.0, 0.0])
+        return replace(row, kind=SPHERE, origin=surface.center, edge_u=size)
+    return row

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray
-from hybrid_rt.lights.light import Environment, LightRow
-from hybrid_rt.shading.kernels.environment import NO_SKY, EnvironmentTable
+from hybrid_rt.lights.light import LightRow
 from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA, LightTable
 
 # Where one light is asked, half the choices follow power and half go round: the brightest light
@@ -20,10 +19,7 @@ ROUND = 0.5
 def compile_lights(
     rows: Sequence[LightRow], texture_of: Sequence[int], has_sky: bool
 ) -> LightTable:
-    """Build the light table; row i is light i.
-
-    ``texture_of`` is the row of each light's texture; -1: none.
-    """
+    """Build the light table; row i is light i, ``texture_of`` the row of each one's texture, or -1."""
 
     def column(name: str) -> FloatArray:
         return np.array([getattr(row, name) for row in rows], dtype=np.float64).reshape(-1, 3)
@@ -39,21 +35,6 @@ def compile_lights(
         texture=np.array(texture_of, dtype=np.int32),
         chance=chance,
         emit=_emission(chance, kind),
-    )
-
-
-def compile_environment(environment: Environment | None) -> EnvironmentTable:
-    """Build the environment table; None gives a black one."""
-    if environment is not None:
-        return environment.table
-    return EnvironmentTable(
-        kind=NO_SKY,
-        frame=np.eye(3),
-        colors=np.zeros((2, 3)),
-        heights=np.ones(2),
-        texel=np.zeros((1, 1, 3), dtype=np.float32),
-        rows=np.array([[0.0, 1.0]]),
-        columns=np.array([[0.0, 1.0]]),
     )
 
 

@@ -37,9 +37,8 @@ class Brightness(NamedTuple):
 def brightness(sky: EnvironmentTable) -> Brightness:
     """Return how brightly and how unevenly the sky shines.
 
-    Texels count as even, though the sky is bilinear between their centres: for noise from texel to texel the
-    unevenness is up to half as large again as what is seen, and the mean is off where poles differ from
-    their neighbours.
+    Texels count as even, though the sky is bilinear: for noise from texel to texel the unevenness is up to half
+    as large again as what is seen, and the mean is off where poles differ from their neighbours.
     """
     if sky.kind == PICTURE:
         radiance = sky.texel.mean(axis=2, dtype=np.float64)
@@ -68,15 +67,7 @@ def is_very_uneven(texture: Texture) -> bool:
 
 
 def by_brightness(surface: Surface, texture: Texture) -> Weighted:
-    """Return the cells of a lamp, each chosen by its area times its brightness.
-
-    Parameters
-    ----------
-    surface : Surface
-        Bounded, of an area above 0.
-    texture : Texture
-        Its radiance, for which `is_very_uneven` holds.
-    """
+    """Return the cells of a bounded lamp, each chosen by its area times its brightness."""
     assert isinstance(texture, ImageTexture)
     sampler = cells_of(surface, CELLS_A_SIDE if len(surface) == 1 else 1)
     small = compile_textures([_averaged(texture)])

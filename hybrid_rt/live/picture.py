@@ -25,24 +25,13 @@ SHORTEST = 1.0
 
 @dataclass(frozen=True)
 class HalfPicture:
-    """A picture in half precision.
-
-    Attributes
-    ----------
-    passes : int
-        Passes in it.
-    width, height : int
-    exponent : int
-        Radiances are the numbers times two to this power.
-    data : bytes-like
-        (height, width, 3) float16, little-endian, row 0 at the top.
-    """
+    """A picture in half precision: radiances are its numbers times two to the ``exponent``."""
 
     passes: int
     width: int
     height: int
     exponent: int
-    data: memoryview
+    data: memoryview  # (height, width, 3) float16, little-endian, row 0 at the top
 
 
 def halved(image: NDArray[np.floating], passes: int = 0) -> HalfPicture:
@@ -59,14 +48,7 @@ def halved(image: NDArray[np.floating], passes: int = 0) -> HalfPicture:
 
 
 class Pictures:
-    """The latest picture of a film, renewed at intervals that its cost decides.
-
-    Parameters
-    ----------
-    film : Film
-    film_lock : threading.Lock
-        Held while the film is read.
-    """
+    """The latest picture of a film, renewed at intervals that its cost decides."""
 
     def __init__(self, film: Film, film_lock: threading.Lock) -> None:
         self._film, self._film_lock = film, film_lock

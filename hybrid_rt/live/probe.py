@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.core.ledger import plain
+from hybrid_rt.core.plain_records import as_plain
 from hybrid_rt.core.records import HitRecord, Status
 from hybrid_rt.materials.material import Material
 from hybrid_rt.rendering.watcher import Beginning
@@ -19,14 +19,7 @@ from hybrid_rt.textures.texture import ConstantTexture, Texture
 class Probe:
     """Answers for one pixel at a time, in any thread, while the render goes on.
 
-    The ray is traced by a copy of the tracer with counters of its own, as the threads of a render
-    have them, so no count of the report changes.
-
-    Parameters
-    ----------
-    beginning : Beginning
-    film_lock : threading.Lock
-        Held while the film is read.
+    The ray is traced by a copy of the tracer with counters of its own, so no count of the report changes.
     """
 
     def __init__(self, beginning: Beginning, film_lock: threading.Lock) -> None:
@@ -36,19 +29,7 @@ class Probe:
         self._one_at_a_time = threading.Lock()
 
     def at(self, column: int, row: int) -> dict[str, Any]:
-        """Return what is known of a pixel, as JSON types.
-
-        Returns
-        -------
-        dict
-            ``passes``, ``value`` and ``half_interval`` (three numbers each, or None), ``ray`` and
-            ``hit`` (None on a miss).
-
-        Raises
-        ------
-        ValueError
-            If there is no such pixel.
-        """
+        """Return what is known of a pixel, as JSON types; raise ValueError if there is no such pixel."""
         camera = self._compiled.camera
         if not (0 <= column < camera.width and 0 <= row < camera.height):
             raise ValueError(
@@ -65,7 +46,7 @@ class Probe:
         with self._one_at_a_time:
             hits = self._tracer.intersect(origin, direction)
         found["hit"] = self._hit(hits) if hits.hit[0] else None
-        shown: dict[str, Any] = plain(found)
+        shown: dict[str, Any] = as_plain(found, finite=True)
         return shown
 
     def _hit(self, hits: HitRecord) -> dict[str, Any]:

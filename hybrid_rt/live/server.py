@@ -16,14 +16,18 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, urlsplit
 
 from hybrid_rt.core.memory import free_descriptors
 from hybrid_rt.live.picture import HalfPicture
+
+if TYPE_CHECKING:
+    from hybrid_rt.live.watch import LivePage
 
 HOST = "127.0.0.1"
 HTTP_PORT = 80
@@ -63,42 +67,10 @@ HEADERS = {
 LAST = ("ended", "failed")
 
 
-class Shown(Protocol):
-    """What the server asks of `hybrid_rt.live.watch.LivePage`."""
-
-    def now(self) -> dict[str, Any]:
-        """Return the state."""
-
-    def about(self) -> dict[str, Any]:
-        """Return what does not change."""
-
-    def picture(self, after: int) -> HalfPicture | None:
-        """Return a new picture."""
-
-    def compared(self) -> HalfPicture | None:
-        """Return the other picture."""
-
-    def probe(self, column: int, row: int) -> dict[str, Any] | None:
-        """Return what a pixel holds."""
-
-    def note_sent(self, seconds: float) -> None:
-        """Hear of a picture sent."""
-
-    def ask_to_stop(self) -> None:
-        """Stop the render."""
-
-
 class PageServer:
-    """Serves one page; its threads do not keep the process alive.
+    """Serves one page; its threads do not keep the process alive."""
 
-    Parameters
-    ----------
-    port : int
-    token : str
-    shown : Shown
-    """
-
-    def __init__(self, port: int, token: str, shown: Shown) -> None:
+    def __init__(self, port: int, token: str, shown: LivePage) -> None:
         try:
             self._server = _Server((HOST, port), _Handler)
         except OSError as error:
@@ -144,7 +116,7 @@ class _Server(ThreadingHTTPServer):
     daemon_threads = True
     block_on_close = False
     request_queue_size = MOST_CONNECTIONS  # or a page would wait for a second while others knock
-    shown: Shown
+    shown: LivePage
     token: bytes
     names: set[str]
 
@@ -228,14 +200,13 @@ class _Handler(BaseHTTPRequestHandler):
     do_GET = do_HEAD = do_POST = do_PUT = do_DELETE = do_PATCH = do_OPTIONS = do_TRACE = _answer
 
     def _routes(self) -> dict[str, tuple[str, Callable[[dict[str, str]], None]]]:
-        pages = {name: ("GET", self._file(name)) for name in TYPES}
-        return pages | {
+        return {name: ("GET", partial(self._send_file, name)) for name in TYPES} | {
             "about": ("GET", lambda _: self._send_json(self.server.shown.about())),
-            "events": ("GET", lambda _: self._send_events()),
+            "events": ("GET", self._send_events),
             "picture": ("GET", self._send_picture),
             "compared": ("GET", lambda _: self._send_halves(self.server.shown.compared())),
             "probe": ("GET", self._send_probe),
-            "stop": ("POST", lambda _: self._stop()),
+            "stop": ("POST", self._stop),
         }
 
     def _why_not(self, query: dict[str, str]) -> str:
@@ -252,14 +223,11 @@ class _Handler(BaseHTTPRequestHandler):
             return "wrong token: use the address that the terminal shows"
         return ""
 
-    def _file(self, name: str) -> Callable[[dict[str, str]], None]:
-        def send(_: dict[str, str]) -> None:
-            data = (files("hybrid_rt.live") / "page" / name).read_bytes()
-            if name == "live.html":
-                data = data.replace(b"TOKEN", self.server.token)
-            self._send(HTTPStatus.OK, data, f"{TYPES[name]}; charset=utf-8")
-
-        return send
+    def _send_file(self, name: str, _: dict[str, str]) -> None:
+        data = (files("hybrid_rt.live") / "page" / name).read_bytes()
+        if name == "live.html":
+            data = data.replace(b"TOKEN", self.server.token)
+        self._send(HTTPStatus.OK, data, f"{TYPES[name]}; charset=utf-8")
 
     def _send_picture(self, query: dict[str, str]) -> None:
         after = _whole(query.get("after", "0"))
@@ -273,9 +241,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(HTTPStatus.NO_CONTENT, b"", "text/plain")
             return
         began = time.thread_time()
-        numbers = (picture.passes, picture.width, picture.height, picture.exponent)
-        names = ("X-Passes", "X-Width", "X-Height", "X-Exponent")
-        headers = {name: str(number) for name, number in zip(names, numbers, strict=True)}
+        names = ("passes", "width", "height", "exponent")
+        headers = {f"X-{name.capitalize()}": str(getattr(picture, name)) for name in names}
         self._send(HTTPStatus.OK, picture.data, "application/octet-stream", headers)
         self.server.shown.note_sent(time.thread_time() - began)
 
@@ -294,11 +261,11 @@ class _Handler(BaseHTTPRequestHandler):
             return
         self._send_json(found)
 
-    def _stop(self) -> None:
+    def _stop(self, _: dict[str, str]) -> None:
         self.server.shown.ask_to_stop()
         self._send_json({"stop_asked": True})
 
-    def _send_events(self) -> None:
+    def _send_events(self, _: dict[str, str]) -> None:
         """Send the state as it changes, until the render or the page ends."""
         server = self.server
         with server.count_lock:

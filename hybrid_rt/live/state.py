@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import asdict
 from typing import Any
 
-from hybrid_rt.core.ledger import plain
 from hybrid_rt.core.memory import peak_memory_mib
-from hybrid_rt.core.plain_records import plain_fields
+from hybrid_rt.core.plain_records import as_plain
 from hybrid_rt.integrators.workers import Workers
 from hybrid_rt.rendering.limits import Clock, Limit
 from hybrid_rt.rendering.report import Report
@@ -27,13 +25,7 @@ COUNT_AFTER = 0.25
 
 
 class RenderState:
-    """Collects in the thread that renders; read from any thread.
-
-    Parameters
-    ----------
-    title : str
-        Name of the scene.
-    """
+    """Collects in the thread that renders; read from any thread."""
 
     def __init__(self, title: str) -> None:
         self._phase = "preparing"
@@ -60,10 +52,10 @@ class RenderState:
         """Take what is known before the first pass."""
         context, camera = beginning.context, beginning.context.scene.camera
         settings = beginning.settings
-        unfound = beginning.unfound
+        plan = {"light": context.plan.as_dict(), "intersection": context.tracer.plan}
         self._about = {
             **self._about,
-            "settings": plain(plain_fields(settings)),
+            "settings": as_plain(settings, finite=True),
             "threads": beginning.threads,
             "width": camera.width,
             "height": camera.height,
@@ -71,8 +63,8 @@ class RenderState:
             "blur_stays": context.options.blur_stays,
             "has_photons": context.options.n_photons > 0,
             "left_out": beginning.left_out,
-            "unfound": None if unfound is None else plain(asdict(unfound)),
-            "plan": plain({"light": context.plan.as_dict(), "intersection": context.tracer.plan}),
+            "unfound": as_plain(beginning.unfound, finite=True),
+            "plan": as_plain(plan, finite=True),
         }
         self._n_pixels = camera.width * camera.height
         self._noted["passes"] = beginning.film.n_passes
@@ -98,12 +90,14 @@ class RenderState:
         self._is_total_known = self._is_total_known or expected > n + 1
         if time.perf_counter() >= self._counted_at + COUNT_AFTER or n <= 1:
             self._counted_at = time.perf_counter()
-            self._noted["counts"] = _counts(workers, seconds)
+            found, accuracy = workers.counts(), workers.context.tracer.accuracy
+            rays, hits = found.ledger["rays"], found.ledger["hits"]
+            self._noted["counts"] = _counts(rays, hits, found.work, accuracy, seconds)
         self._note_error(film, workers, limit, seconds)
 
     def _note_error(self, film: Film, workers: Workers, limit: Limit, seconds: float) -> None:
         n = film.n_passes
-        if limit.estimated_at == n:
+        if limit.n_of_error == n:
             if n > self._n_estimated:
                 self._add_error(n, seconds, limit.error, limit.error_trimmed, limit.blur)
             return
@@ -125,17 +119,15 @@ class RenderState:
         self._n_estimated = n
         point = {"passes": n, "whole": whole, "trimmed": trimmed, "blur": blur}
         # Passes lessen the error, what comes before them does not.
-        self._errors = [*self._errors, plain({**point, "seconds": seconds - self._set_up})]
+        point["seconds"] = seconds - self._set_up
+        self._errors = [*self._errors, as_plain(point, finite=True)]
 
     def end(self, report: Report) -> None:
         """Take the report of a picture that is done."""
         errors, passes = report.relative_error, report.passes
-        seconds = report.total_seconds
-        self._noted = {
-            "passes": passes,
-            "seconds": seconds,
-            "counts": _counts_of_report(report),
-        }
+        seconds, work = report.total_seconds, report.intersection
+        counts = _counts(report.rays, report.hits, work, report.geometry.accuracy, seconds)
+        self._noted = {"passes": passes, "seconds": seconds, "counts": counts}
         if errors is not None and passes > self._n_estimated:
             blur = errors.blur if errors.blur is not None else errors.blur_at_most
             self._add_error(passes, seconds, errors.both, errors.both_trimmed, blur)
@@ -166,40 +158,15 @@ class RenderState:
         return state
 
 
-def _counts(workers: Workers, seconds: float) -> dict[str, Any]:
-    counts = workers.counts()
-    n_traced = counts.work["rays"] + counts.work["shadow_rays"]
-    is_certified = workers.context.tracer.accuracy == "certified"
-    return _in_groups(
-        counts.ledger["rays"],
-        counts.ledger["hits"],
-        n_traced,
-        n_traced - counts.work["given_up"] if is_certified else 0,
-        counts.work,
-        seconds,
-    )
-
-
-def _counts_of_report(report: Report) -> dict[str, Any]:
-    work = report.intersection
-    n_certified = report.geometry.certified_rays
-    seconds = report.total_seconds
-    return _in_groups(report.rays, report.hits, report.n_traced, n_certified, work, seconds)
-
-
-def _in_groups(
-    rays: dict[str, int],
-    hits: dict[str, int],
-    n_traced: int,
-    n_certified: int,
-    work: dict[str, int],
-    seconds: float,
+def _counts(
+    rays: dict[str, int], hits: dict[str, int], work: dict[str, int], accuracy: str, seconds: float
 ) -> dict[str, Any]:
+    n_traced = work["rays"] + work["shadow_rays"]
     return {
         "rays": dict(rays),
         "hits": dict(hits),
         "traced": n_traced,
-        "certified": n_certified,
+        "certified": n_traced - work["given_up"] if accuracy == "certified" else 0,
         "given_up": work["given_up"],
         "changed": work["changed_by_certificate"],
         "rays_per_second": n_traced / seconds if seconds > 0.0 else None,

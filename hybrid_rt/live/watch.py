@@ -5,7 +5,6 @@ from __future__ import annotations
 import secrets
 import threading
 import time
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -124,14 +123,8 @@ class LivePage:
         self._server.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Tell pages that it is over; close."""
-        del error, trace
         is_bad = kind is not None and not issubclass(kind, KeyboardInterrupt)
         if self.state.now()["phase"] not in ("ended", "failed"):
             self.finish("the terminal says why" if is_bad else "", is_bad)

@@ -73,17 +73,9 @@ class Dielectric(Material):
         schlick: bool = False,
         priority: float = 0.0,
     ) -> None:
-        index = checks.number(
-            ior,
-            "Dielectric ior",
-            at_least=1.0 / EXTREME,
-            up_to=EXTREME,
-            hint="of one wavelength, as 1.5168: there is no catalogue of glasses",
-        )
-        density = checks.rgb(absorption, "Dielectric absorption")
-        rank = checks.number(priority, "Dielectric priority")
-        number = (index, float(checks.flag(schlick, "Dielectric schlick")), *density.tolist(), rank)
-        self._lobes = (Lobe(DIELECTRIC, as_texture(tint, "Dielectric tint"), number),)
+        is_schlick = checks.flag(schlick, "Dielectric schlick")
+        lobe = body(DIELECTRIC, "Dielectric", ior, absorption, tint, priority, schlick=is_schlick)
+        self._lobes = (lobe,)
 
     def __repr__(self) -> str:
         """Return the call that makes it."""
@@ -92,10 +84,24 @@ class Dielectric(Material):
         further = {"schlick": True} if schlick else {}
         return call(self, ior, **changed(lobe), **further)
 
-    @property
-    def lobes(self) -> tuple[Lobe, ...]:
-        """Return the single dielectric lobe."""
-        return self._lobes
+
+def body(
+    kind: int,
+    what: str,
+    ior: float,
+    absorption: ArrayLike,
+    tint: Texture | ArrayLike,
+    priority: float,
+    *own: float,
+    schlick: bool = False,
+) -> Lobe:
+    """Return the lobe of a clear body; ``own`` are numbers of its kind."""
+    hint = "of one wavelength, as 1.5168: there is no catalogue of glasses"
+    index = checks.number(ior, f"{what} ior", at_least=1.0 / EXTREME, up_to=EXTREME, hint=hint)
+    density = checks.rgb(absorption, f"{what} absorption")
+    rank = checks.number(priority, f"{what} priority")
+    number = (index, float(schlick), *density.tolist(), rank, *own)
+    return Lobe(kind, as_texture(tint, f"{what} tint"), number)
 
 
 def changed(lobe: Lobe) -> dict[str, Any]:

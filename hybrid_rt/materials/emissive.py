@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from hybrid_rt.core.checks import shown
+from hybrid_rt.core import checks
 from hybrid_rt.core.one_line import call
-from hybrid_rt.materials.material import Lobe, Material
-from hybrid_rt.textures.texture import Texture, as_radiance, plain_color
+from hybrid_rt.materials.material import Material
+from hybrid_rt.textures.texture import Texture, as_texture, plain_color
 
 
 class Emissive(Material):
@@ -28,10 +28,10 @@ class Emissive(Material):
 
     def __init__(self, radiance: Texture | ArrayLike, base: Material | None = None) -> None:
         if base is not None and not isinstance(base, Material):
-            raise TypeError(f"Emissive base is {shown(base)}: pass a material, or None")
+            raise TypeError(f"Emissive base is {checks.shown(base)}: pass a material, or None")
         if base is not None and base.radiance is not None:
             raise ValueError("Emissive base shines itself: add up the two radiances")
-        self._radiance = as_radiance(radiance, "Emissive radiance")
+        self._radiance = as_texture(radiance, "Emissive radiance", checks.BRIGHTEST)
         self._base = base
         self._lobes = () if base is None else base.lobes
 
@@ -39,11 +39,6 @@ class Emissive(Material):
         """Return the call that makes it."""
         further = {} if self._base is None else {"base": self._base}
         return call(self, plain_color(self._radiance), **further)
-
-    @property
-    def lobes(self) -> tuple[Lobe, ...]:
-        """Return the lobes of the base."""
-        return self._lobes
 
     @property
     def radiance(self) -> Texture:

@@ -6,7 +6,6 @@ material is one file.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 from hybrid_rt.shading.kernels.lobes.register import TRAITS
@@ -33,13 +32,15 @@ class Lobe:
         return TRAITS[self.kind] | self.breadth
 
 
-class Material(ABC):
-    """Scattering and emission of a surface; immutable."""
+class Material:
+    """Scattering and emission of a surface; immutable. Each class sets `_lobes`."""
+
+    _lobes: tuple[Lobe, ...]
 
     @property
-    @abstractmethod
     def lobes(self) -> tuple[Lobe, ...]:
         """The terms of the material's BSDF."""
+        return self._lobes
 
     @property
     def radiance(self) -> Texture | None:

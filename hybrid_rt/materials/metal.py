@@ -51,8 +51,3 @@ class Metal(Material):
         (lobe,) = self._lobes
         fuzz = lobe.number[0] if lobe.number else 0.0
         return call(self, plain_color(lobe.color), fuzz=fuzz)
-
-    @property
-    def lobes(self) -> tuple[Lobe, ...]:
-        """Return the single lobe."""
-        return self._lobes

@@ -32,8 +32,3 @@ class Mirror(Material):
     def __repr__(self) -> str:
         """Return the call that makes it."""
         return call(self, plain_color(self._lobes[0].color))
-
-    @property
-    def lobes(self) -> tuple[Lobe, ...]:
-        """Return the single mirror lobe."""
-        return self._lobes

@@ -70,8 +70,3 @@ class Mix(Material):
     def __repr__(self) -> str:
         """Return the call that makes it."""
         return call(self, self._parts)
-
-    @property
-    def lobes(self) -> tuple[Lobe, ...]:
-        """Return the lobes of all parts."""
-        return self._lobes

@@ -72,8 +72,3 @@ class Phong(Material):
         matt, glossy = self._lobes
         colors = plain_color(matt.color), plain_color(glossy.color)
         return call(self, *colors, exponent=glossy.number[0])
-
-    @property
-    def lobes(self) -> tuple[Lobe, ...]:
-        """Return the diffuse and the glossy lobe."""
-        return self._lobes

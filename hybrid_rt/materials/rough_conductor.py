@@ -125,11 +125,6 @@ class RoughConductor(Material):
         eta, k = one_or_three(np.array(index[:3])), one_or_three(np.array(index[3:]))
         return call(self, eta=eta, k=k, roughness=math.sqrt(alpha))
 
-    @property
-    def lobes(self) -> tuple[Lobe, ...]:
-        """Return the single lobe."""
-        return self._lobes
-
 
 def _index(value: ArrayLike, name: str) -> FloatArray:
     index = checks.rgb(value, f"RoughConductor {name}", up_to=1e3)

@@ -6,14 +6,13 @@ import math
 
 from numpy.typing import ArrayLike
 
-from hybrid_rt.core import checks
 from hybrid_rt.core.one_line import call
 from hybrid_rt.core.suggestions import explains
-from hybrid_rt.materials.dielectric import EXTREME, changed
-from hybrid_rt.materials.material import Lobe, Material
+from hybrid_rt.materials.dielectric import body, changed
+from hybrid_rt.materials.material import Material
 from hybrid_rt.materials.roughness import alpha_of
 from hybrid_rt.shading.kernels.lobes.register import ROUGH_DIELECTRIC
-from hybrid_rt.textures.texture import Texture, as_texture
+from hybrid_rt.textures.texture import Texture
 
 
 @explains(
@@ -66,20 +65,10 @@ class RoughDielectric(Material):
         priority: float = 0.0,
     ) -> None:
         what = "RoughDielectric"
-        index = checks.number(ior, f"{what} ior", at_least=1.0 / EXTREME, up_to=EXTREME)
         alpha = alpha_of(roughness, f"{what} roughness", "Dielectric")
-        density = checks.rgb(absorption, f"{what} absorption")
-        rank = checks.number(priority, f"{what} priority")
-        # Those of a dielectric without Schlick's approximation, then its own.
-        number = (index, 0.0, *density.tolist(), rank, alpha)
-        self._lobes = (Lobe(ROUGH_DIELECTRIC, as_texture(tint, f"{what} tint"), number),)
+        self._lobes = (body(ROUGH_DIELECTRIC, what, ior, absorption, tint, priority, alpha),)
 
     def __repr__(self) -> str:
         """Return the call that makes it."""
         (lobe,) = self._lobes
         return call(self, lobe.number[0], roughness=math.sqrt(lobe.number[-1]), **changed(lobe))
-
-    @property
-    def lobes(self) -> tuple[Lobe, ...]:
-        """Return the single dielectric lobe."""
-        return self._lobes

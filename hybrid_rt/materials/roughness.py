@@ -11,19 +11,8 @@ LEAST_ROUGHNESS = 0.01
 def alpha_of(roughness: float, what: str, smooth: str) -> float:
     """Return the alpha of GGX: the square of roughness, which is perceptually more uniform.
 
-    Burley, "Physically based shading at Disney", SIGGRAPH 2012 course notes.
-
-    Parameters
-    ----------
-    roughness : float
-        0.01 to 1.
-    what, smooth : str
-        Name of the material in messages, and what to use for smoother surfaces.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For anything else; ``what`` is named.
+    Burley, "Physically based shading at Disney", SIGGRAPH 2012 course notes. ``smooth`` says what to use
+    for smoother surfaces.
     """
     hint = f"below it use {smooth}"
     value = checks.number(roughness, what, at_least=LEAST_ROUGHNESS, up_to=1.0, hint=hint)

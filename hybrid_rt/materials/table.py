@@ -62,9 +62,7 @@ def color_factor(lobes: LobeTable) -> FloatArray:
 def softened(lobes: LobeTable) -> LobeTable:
     """Return the table with all narrow lobes at least as wide as those of roughness `SOFT`.
 
-    They send out about as much light in all, so that a mean over many directions is about the same, by
-    samples of which each lobe shows many instead of few (Kaplanyan and Dachsbacher, "Path space
-    regularization for holistic and robust light transport", Eurographics 2013).
+    They send out about as much light, shown by many samples instead of few (Kaplanyan and Dachsbacher, 2013).
     """
     number = lobes.number.copy()
     is_narrow = lobes.traits & NARROW != 0

@@ -13,9 +13,9 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.primitives.axial import AxialSurface
 from hybrid_rt.primitives.sag import Sag, Zones
 from meshing.checks import (
+    IdArray,
     as_floats,
     as_similarity,
-    broadcast_parameters,
     freeze,
     number,
     shown,
@@ -233,71 +233,39 @@ class Asphere(AxialSurface):
         z, _, _ = self.sag.at(r * r)
         return z
 
-    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (..., 3) float64 at (u, v), scene units.
+    def _points(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        del patch_id
+        cos_u, sin_u, r = self._polar(u, v)
+        return self.origin + self._world(r * cos_u, r * sin_u, self.sag.at(r * r)[0])
 
-        Parameters
-        ----------
-        u, v : floats that broadcast with each other and with ``patch_id``
-        patch_id : whole numbers
-            0: there is one piece.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If they do not broadcast, or there is no such piece.
-        """
-        cos_u, sin_u, r = self._polar(u, v, patch_id)
-        z = self.sag.at(r * r)[0]
-        return self.origin + self._world(r * cos_u, r * sin_u, z)
-
-    def partials(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+    def _partials(
+        self, u: FloatArray, v: FloatArray, patch_id: IdArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the partials S_u and S_v (..., 3) float64.
-
-        Arguments and errors are those of `point`.
-        """
-        cos_u, sin_u, r = self._polar(u, v, patch_id)
+        del patch_id
+        cos_u, sin_u, r = self._polar(u, v)
         slope, turn = 2.0 * r * self.sag.at(r * r)[1], 2.0 * np.pi * r
         along_u = self._world(-turn * sin_u, turn * cos_u, np.zeros_like(r))
         along_v = 0.5 * self.aperture * self.orientation * self._world(cos_u, sin_u, slope)
         return along_u, along_v
 
-    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (..., 3) float64 at (u, v).
-
-        Arguments and errors are those of `point`.
-        """
-        cos_u, sin_u, r = self._polar(u, v, patch_id)
+    def _normals(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        del patch_id
+        cos_u, sin_u, r = self._polar(u, v)
         slope = 2.0 * r * self.sag.at(r * r)[1]
         length = np.hypot(1.0, slope)
         across = self.orientation * slope / length
         return self._world(across * cos_u, across * sin_u, -self.orientation / length)
 
-    def _polar(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _polar(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return cosine and sine of the azimuth, and the distance from the axis."""
-        u, v, _, shape = broadcast_parameters(u, v, patch_id, 1, "patch_id")
-        u, v = u.reshape(shape), v.reshape(shape)
         a = 2.0 * np.pi * u
         return np.cos(a), np.sin(a), 0.5 * self.aperture * (v if self.orientation > 0 else 1.0 - v)
 
     def transformed(self, matrix: ArrayLike) -> Asphere:
-        """Return the image under a similarity; (u, v) stay with their points.
+        """Return the image under a similarity; see `meshing.surface.Surface.transformed`.
 
-        Parameters
-        ----------
-        matrix : (4, 4) array
-            Acts on columns (x, y, z, 1): rotation, shift, uniform scale, reflection. A reflection
-            reverses the axis of the image, and radius and coefficients change sign, because u stays
-            a right-handed angle about the axis.
-
-        Raises
-        ------
-        ValueError, TypeError
-            For any other matrix.
+        A reflection reverses the axis of the image, and radius and coefficients change sign, because u
+        stays a right-handed angle about the axis.
         """
         turn, shift, scale, is_reflection = as_similarity(matrix, "Asphere")
         linear = np.asarray(matrix, np.float64)[:3, :3]
@@ -306,15 +274,9 @@ class Asphere(AxialSurface):
         powers = scale ** (1.0 - 2.0 * np.arange(1, len(self.coefficients) + 1))
         axis = still_unit(sign * (turn @ self.axis), "axis")
         radial = turn @ self.radial
-        image = Asphere(
-            sign * scale * self.radius,
-            self.conic,
-            sign * self.coefficients * powers,
-            scale * self.aperture,
-            origin,
-            axis,
-            radial,
-        )
+        radius, aperture = sign * scale * self.radius, scale * self.aperture
+        coefficients = sign * self.coefficients * powers
+        image = Asphere(radius, self.conic, coefficients, aperture, origin, axis, radial)
         # Bit for bit, where a scale by a power of two leaves them.
         image.axis = freeze(axis)
         image.radial = freeze(still_unit(radial - (radial @ axis) * axis, "radial"))

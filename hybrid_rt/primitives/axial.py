@@ -14,20 +14,12 @@ from meshing.surface import Surface
 
 
 class AxialSurface(Surface):
-    """A surface about an axis; u runs about it, right-handed, and is 0 along ``radial``.
-
-    Attributes
-    ----------
-    origin, axis, radial : (3,) float64, read-only
-        The last two are unit vectors, normal to each other.
-    orientation : int
-        1, or -1 if it is flipped.
-    """
+    """A surface about an axis; u runs about it, right-handed, and is 0 along ``radial``."""
 
     origin: FloatArray
-    axis: FloatArray
-    radial: FloatArray
-    orientation: int
+    axis: FloatArray  # unit
+    radial: FloatArray  # unit, normal to the axis
+    orientation: int  # 1, or -1 if it is flipped
 
     def _set_frame(self, origin: ArrayLike, axis: ArrayLike, reference: ArrayLike | None) -> None:
         """Check and set the frame, not flipped."""

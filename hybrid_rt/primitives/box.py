@@ -7,13 +7,13 @@ from fractions import Fraction
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks
 from hybrid_rt.core.records import BoolArray, FloatArray
 from hybrid_rt.primitives.rectangle import exact_cross, near_one
 from meshing.area import Squares
-from meshing.checks import as_affine, as_vector, broadcast_parameters, freeze, unit
+from meshing.checks import IdArray, as_affine, as_vector, freeze, unit
 from meshing.double_double import Pair, exact_sum, pair_of, rounded_image, stretched
 from meshing.surface import Surface
 
@@ -52,8 +52,9 @@ class Box(Surface):
     """
 
     is_upright: ClassVar[bool] = True
-
+    handedness = 1
     is_closed = True
+    rounding_reach = 0.0
 
     def __init__(self, lo: ArrayLike, hi: ArrayLike) -> None:
         self.lo = checks.as_vector(lo, "Box lo", up_to=checks.FARTHEST)
@@ -73,11 +74,6 @@ class Box(Surface):
         return 6
 
     @property
-    def rounding_reach(self) -> float:
-        """0: a hit lies in its face exactly."""
-        return 0.0
-
-    @property
     def areas(self) -> FloatArray:
         """(6,): areas of the faces."""
         x, y, z = self.hi - self.lo
@@ -88,62 +84,37 @@ class Box(Surface):
         """(2, 3): lower and upper corner."""
         return np.stack([self.lo, self.hi])
 
-    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (..., 3) float64 at (u, v) of faces, scene units.
-
-        Parameters
-        ----------
-        u, v : floats that broadcast with each other and with ``patch_id``
-        patch_id : whole numbers
-            Faces, 0 to 5.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If they do not broadcast, or there is no such face.
-        """
+    def _points(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
         weight = self._weights(u, v, patch_id)
         points: FloatArray = self.lo * (1.0 - weight) + self.hi * weight
         return points
 
-    def _weights(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike) -> FloatArray:
-        """Return how far along each of the three axes points lie, (..., 3) from 0 to 1."""
-        u, v, face, shape = broadcast_parameters(u, v, patch_id, 6, "patch_id")
-        axis, upper = face // 2, face % 2 == 1
-        swap = self._is_swapped(face)
-        rows = np.arange(len(u))
+    def _weights(self, u: FloatArray, v: FloatArray, face: IdArray) -> FloatArray:
+        """Return how far along each of the three axes points lie, (n, 3) from 0 to 1."""
+        axis, swap, rows = face // 2, self._is_swapped(face), np.arange(len(u))
         weight = np.empty((len(u), 3))
-        weight[rows, axis] = upper
+        weight[rows, axis] = face % 2 == 1
         weight[rows, (axis + 1) % 3] = np.where(swap, v, u)
         weight[rows, (axis + 2) % 3] = np.where(swap, u, v)
-        return weight.reshape(*shape, 3)
+        return weight
 
-    def partials(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+    def _partials(
+        self, u: FloatArray, v: FloatArray, patch_id: IdArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the edges S_u and S_v (..., 3) float64 of faces.
+        del u, v
+        axis, first = patch_id // 2, np.where(self._is_swapped(patch_id), 2, 1)
+        return self.edges[(axis + first) % 3], self.edges[(axis + 3 - first) % 3]
 
-        Arguments and errors are those of `point`.
-        """
-        _, _, face, shape = broadcast_parameters(u, v, patch_id, 6, "patch_id")
-        face = face.reshape(shape)
-        first = np.where(self._is_swapped(face), 2, 1)
-        return self.edges[(face // 2 + first) % 3], self.edges[(face // 2 + 3 - first) % 3]
-
-    def _is_swapped(self, face: NDArray[np.int64]) -> BoolArray:
+    def _is_swapped(self, face: IdArray) -> BoolArray:
         """Tell on which faces v, not u, runs along the first of the two other axes."""
-        swapped: BoolArray = (face % 2 == 1) != (self.orientation > 0)
+        swapped: BoolArray = (face % 2 == 1) != (self.orientation * self.handedness > 0)
         return swapped
 
-    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (..., 3) float64 of faces.
-
-        Arguments and errors are those of `point`.
-        """
-        u, _, face, shape = broadcast_parameters(u, v, patch_id, 6, "patch_id")
+    def _normals(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        del v
         normals = np.zeros((len(u), 3))
-        normals[np.arange(len(u)), face // 2] = np.where(face % 2 == 1, 1.0, -1.0)
-        return self.orientation * normals.reshape(*shape, 3)
+        normals[np.arange(len(u)), patch_id // 2] = np.where(patch_id % 2 == 1, 1.0, -1.0)
+        return self.orientation * normals
 
     def area_sampler(self) -> Squares:
         """Return the area sampler."""
@@ -154,17 +125,7 @@ class Box(Surface):
 
         A quarter turn makes a `TurnedBox`, too, though its faces are across the axes. A `Box` numbers
         its faces along the axes again. In a `TurnedBox` faces and (u, v) stay with their points, except
-        that a reflection swaps u and v, since normals stay outward.
-
-        Parameters
-        ----------
-        matrix : (4, 4) array
-            Acts on columns (x, y, z, 1); last row (0, 0, 0, 1); not singular.
-
-        Raises
-        ------
-        ValueError, TypeError
-            For any other matrix.
+        that a reflection swaps u and v, since normals stay outward. See `meshing.surface.Surface.transformed`.
         """
         linear, shift = as_affine(matrix, "Box")
         if (linear != np.diag(np.diag(linear))).any():
@@ -196,32 +157,11 @@ class Box(Surface):
 
 
 class TurnedBox(Box):
-    """A parallelepiped, as `Box.transformed` makes it.
+    """A parallelepiped, as `Box.transformed` makes it: a corner, and its three edges as rows.
 
-    Faces and (u, v) are those of `Box` along its own edges. If these are left-handed, u and v are
-    swapped, as normals stay outward.
-
-    Parameters
-    ----------
-    corner : (3,) scene units
-    edges : (3, 3) scene units
-        Rows: the three edges from ``corner``.
-    orientation : {1, -1}
-        -1: normals point inward.
-
-    Attributes
-    ----------
-    handedness : int
-        1 if the edges are right-handed, else -1.
-    across : (3, 3) float64
-        Rows: unit normals of the upper faces, away from the lower ones.
-    depths : (3,) float64
-        Distance of each pair of faces, scene units.
-
-    Raises
-    ------
-    ValueError
-        If corner or edges are not finite, or the edges are coplanar.
+    Faces and (u, v) are those of `Box` along its own edges. If these are left-handed (`handedness` -1), u and
+    v are swapped, as normals stay outward, or with an orientation of -1 inward. `across` (3, 3) has the unit
+    normals of the upper faces, away from the lower ones, `depths` (3,) the distances between both.
     """
 
     is_upright = False
@@ -252,11 +192,6 @@ class TurnedBox(Box):
         self.orientation = orientation
 
     @property
-    def rounding_reach(self) -> float:
-        """0: a hit rounds as its coordinates do."""
-        return 0.0
-
-    @property
     def areas(self) -> FloatArray:
         """(6,): areas of the faces."""
         return np.repeat(self._areas, 2)
@@ -268,42 +203,18 @@ class TurnedBox(Box):
         corners = self.lo + steps @ self.edges
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
-    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (..., 3) float64 at (u, v) of faces, scene units.
-
-        Arguments and errors are those of `Box.point`.
-        """
+    def _points(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
         points: FloatArray = self.lo + self._weights(u, v, patch_id) @ self.edges
         return points
 
-    def _is_swapped(self, face: NDArray[np.int64]) -> BoolArray:
-        """Tell on which faces v, not u, runs along the first of the two other axes."""
-        swapped: BoolArray = (face % 2 == 1) != (self.orientation * self.handedness > 0)
-        return swapped
-
-    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (..., 3) float64 of faces.
-
-        Arguments and errors are those of `point`.
-        """
-        _, _, face, shape = broadcast_parameters(u, v, patch_id, 6, "patch_id")
-        side = self.orientation * np.where(face % 2 == 1, 1.0, -1.0)
-        normals: FloatArray = side[:, None] * self.across[face // 2]
-        return normals.reshape(*shape, 3)
+    def _normals(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        del u, v
+        side = self.orientation * np.where(patch_id % 2 == 1, 1.0, -1.0)
+        normals: FloatArray = side[:, None] * self.across[patch_id // 2]
+        return normals
 
     def transformed(self, matrix: ArrayLike) -> TurnedBox:
-        """Return the image under an affine map; faces stay with their points.
-
-        Parameters
-        ----------
-        matrix : (4, 4) array
-            Acts on columns (x, y, z, 1); last row (0, 0, 0, 1); not singular.
-
-        Raises
-        ------
-        ValueError, TypeError
-            For any other matrix.
-        """
+        """Return the image under an affine map; faces stay with their points."""
         linear, shift = as_affine(matrix, "Box")
         return self._turned(linear, shift, pair_of(self.edges))
 

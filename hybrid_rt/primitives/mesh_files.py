@@ -22,13 +22,7 @@ _COUNTING = re.compile(rb"^[ \t]*[flp][ \t][^\n]*-", re.MULTILINE)
 
 
 def read_mesh(file: Path) -> trimesh.Trimesh:
-    """Return the mesh of a file: all its parts as one.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError, ModuleNotFoundError
-        If there is no such file, trimesh cannot read it, or needs a package to do so; the message names it.
-    """
+    """Return the mesh of a file: all its parts as one; errors name the file, or the package that is missing."""
     what = f"TriangleMesh file {str(file)!r}"
     if not file.is_file():
         raise FileNotFoundError(f"{what}: there is no such file")
@@ -63,13 +57,7 @@ def _read_obj(file: Path) -> trimesh.Trimesh:
 
 
 def with_absolute_indices(content: bytes) -> bytes:
-    """Return an OBJ file with indices that count from its beginning, from 1.
-
-    Raises
-    ------
-    ValueError
-        If one refers to what is before the beginning.
-    """
+    """Return an OBJ file with indices that count from its beginning, from 1."""
     content = re.sub(rb"\\\r?\n", b" ", content)  # lines that go on
     if not _COUNTING.search(content):
         return content

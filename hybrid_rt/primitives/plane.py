@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from hybrid_rt.core import checks
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.primitives.rectangle import exact_cross, near_one
-from meshing.checks import as_affine, broadcast_parameters, freeze
+from meshing.checks import IdArray, as_affine, freeze
 from meshing.double_double import pair_of, rounded_image, stretched
 from meshing.surface import Surface
 
@@ -36,6 +36,7 @@ class Plane(Surface):
 
     is_bounded = False
     is_flat = True
+    size = rounding_reach = 0.0
     #: Bound on the angle by which rounding has turned an image; besides, `moved` is that of `origin`.
     tilt = 0.0
 
@@ -65,31 +66,9 @@ class Plane(Surface):
         """(3,): ``point``."""
         return self.origin
 
-    @property
-    def size(self) -> float:
-        """0: it is unbounded."""
-        return 0.0
-
-    @property
-    def rounding_reach(self) -> float:
-        """0: a hit is computed from the ray."""
-        return 0.0
-
-    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (..., 3) float64 with coordinates (u, v) along `axes`, scene units.
-
-        Parameters
-        ----------
-        u, v : floats that broadcast with each other and with ``patch_id``
-        patch_id : whole numbers
-            0: there is one piece.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If they do not broadcast, or there is no such piece.
-        """
-        u, v, _, shape = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+    def _points(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        """Return the points with coordinates (u, v) along `axes`."""
+        del patch_id
         first, second = self.axes
         across = 3 - first - second
         points = np.empty((len(u), 3))
@@ -98,44 +77,26 @@ class Plane(Surface):
         points[:, across] = (
             o[across] - ((u - o[first]) * n[first] + (v - o[second]) * n[second]) / n[across]
         )
-        return points.reshape(*shape, 3)
+        return points
 
-    def partials(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+    def _partials(
+        self, u: FloatArray, v: FloatArray, patch_id: IdArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the partials S_u and S_v (..., 3) float64.
-
-        Arguments and errors are those of `point`.
-        """
-        u, _, _, shape = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+        del v, patch_id
         axes = self.axes
         across = 3 - sum(axes)
         edges = np.zeros((2, len(u), 3))
         for edge, axis in zip(edges, axes, strict=True):
             edge[:, axis] = 1.0
             edge[:, across] = -self.unit_normal[axis] / self.unit_normal[across]
-        return edges[0].reshape(*shape, 3), edges[1].reshape(*shape, 3)
+        return edges[0], edges[1]
 
-    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (..., 3) float64.
-
-        Arguments and errors are those of `point`.
-        """
-        return np.zeros_like(self.point(u, v, patch_id)) + self.unit_normal
+    def _normals(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        del v, patch_id
+        return np.tile(self.unit_normal, (len(u), 1))
 
     def transformed(self, matrix: ArrayLike) -> Plane:
-        """Return the image under an affine map.
-
-        Parameters
-        ----------
-        matrix : (4, 4) array
-            Acts on columns (x, y, z, 1); last row (0, 0, 0, 1); not singular.
-
-        Raises
-        ------
-        ValueError, TypeError
-            For any other matrix.
-        """
+        """Return the image under an affine map; see `meshing.surface.Surface.transformed`."""
         linear, shift = as_affine(matrix, "Plane")
         point, off = rounded_image(linear, shift, pair_of(self.origin))
         # The cofactors are the inverse transpose times the determinant, whose sign keeps S_u x S_v on its

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from hybrid_rt.core import checks
 from hybrid_rt.core.records import FloatArray
 from meshing.area import Squares
-from meshing.checks import as_affine, as_direction, as_vector, broadcast_parameters
+from meshing.checks import IdArray, as_affine, as_direction, as_vector
 from meshing.double_double import pair_of, rounded_image, stretched
 from meshing.surface import Surface
 
@@ -32,6 +32,7 @@ class Rectangle(Surface):
     """
 
     is_flat = True
+    rounding_reach = 0.0
     flip_of_uv = "swapped"
 
     def __init__(self, corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike) -> None:
@@ -56,63 +57,27 @@ class Rectangle(Surface):
         corners = self.point([0, 1, 0, 1], [0, 0, 1, 1])
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
-    @property
-    def rounding_reach(self) -> float:
-        """0: a hit rounds as its coordinates do."""
-        return 0.0
-
-    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (..., 3) float64 at (u, v), scene units.
-
-        Parameters
-        ----------
-        u, v : floats that broadcast with each other and with ``patch_id``
-        patch_id : whole numbers
-            0: there is one piece.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If they do not broadcast, or there is no such piece.
-        """
-        u, v, _, shape = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+    def _points(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        del patch_id
         points: FloatArray = self.corner + u[:, None] * self.edge_u + v[:, None] * self.edge_v
-        return points.reshape(*shape, 3)
+        return points
 
-    def partials(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+    def _partials(
+        self, u: FloatArray, v: FloatArray, patch_id: IdArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the edges, S_u and S_v, (..., 3) float64.
+        del v, patch_id
+        return np.tile(self.edge_u, (len(u), 1)), np.tile(self.edge_v, (len(u), 1))
 
-        Arguments and errors are those of `point`.
-        """
-        *_, shape = broadcast_parameters(u, v, patch_id, 1, "patch_id")
-        return np.tile(self.edge_u, (*shape, 1)), np.tile(self.edge_v, (*shape, 1))
-
-    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (..., 3) float64.
-
-        Arguments and errors are those of `point`.
-        """
-        return np.zeros_like(self.point(u, v, patch_id)) + self.unit_normal
+    def _normals(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        del v, patch_id
+        return np.tile(self.unit_normal, (len(u), 1))
 
     def area_sampler(self) -> Squares:
         """Return the area sampler."""
         return Squares(np.array([self.area]))
 
     def transformed(self, matrix: ArrayLike) -> Rectangle:
-        """Return the image under an affine map.
-
-        Parameters
-        ----------
-        matrix : (4, 4) array
-            Acts on columns (x, y, z, 1); last row (0, 0, 0, 1); not singular.
-
-        Raises
-        ------
-        ValueError, TypeError
-            For any other matrix.
-        """
+        """Return the image under an affine map; see `meshing.surface.Surface.transformed`."""
         linear, shift = as_affine(matrix, "Rectangle")
         corner, off = rounded_image(linear, shift, pair_of(self.corner))
         edges = pair_of(np.stack([self.edge_u, self.edge_v]))

@@ -31,23 +31,13 @@ COMMON_NOISE = 64.0
 
 
 class Zones(NamedTuple):
-    """Proven bounds of a sag z(w) in equal steps of w, from 0 to the square of the largest radius.
+    """Proven bounds of a sag z(w) in n equal steps of w, from 0 to the square of the largest radius."""
 
-    Attributes
-    ----------
-    z, slope, bend : (n, 2) float64
-        Lowest and highest z, dz / dw and d^2 z / dw^2.
-    noise : (n,) float64
-        What rounding makes of z in float64, as a distance from the surface, in units of 2^-53.
-    slope_noise : (n,) float64
-        What it makes of dz / dw, in the same units.
-    """
-
-    z: FloatArray
-    slope: FloatArray
-    bend: FloatArray
-    noise: FloatArray
-    slope_noise: FloatArray
+    z: FloatArray  # (n, 2), lowest and highest
+    slope: FloatArray  # (n, 2), of dz / dw
+    bend: FloatArray  # (n, 2), of d^2 z / dw^2
+    noise: FloatArray  # (n,), rounding of z as a distance from the surface, in units of 2^-53
+    slope_noise: FloatArray  # (n,), that of dz / dw, in the same units
 
     def steepest(self, rim: float) -> float:
         """Return a bound of |dz / dr| within a radius."""
@@ -57,24 +47,12 @@ class Zones(NamedTuple):
 
 @dataclass(frozen=True)
 class Sag:
-    """The sag of an even asphere.
+    """The sag of an even asphere."""
 
-    Attributes
-    ----------
-    curvature : float
-        1 / radius at the vertex, 0 for a plane base.
-    conic : float
-        The conic constant k: -e^2 of a conic of eccentricity e.
-    coefficients : (n,) float64, read-only
-        a_2, a_4, ... a_2n.
-    w_max : float
-        Square of the largest radius.
-    """
-
-    curvature: float
-    conic: float
-    coefficients: FloatArray
-    w_max: float
+    curvature: float  # 1 / radius at the vertex, 0 for a plane base
+    conic: float  # the conic constant k: -e^2 of a conic of eccentricity e
+    coefficients: FloatArray  # (n,), a_2, a_4, ... a_2n
+    w_max: float  # square of the largest radius
 
     @property
     def under_root(self) -> float:
@@ -158,10 +136,7 @@ class Sag:
     def _noise(
         self, low: FloatArray, high: FloatArray, slope: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Bound the rounding of z, over the length of its gradient, and of dz / dw.
-
-        See docs/rounding_aspheres.md.
-        """
+        """Bound the rounding of z over the length of its gradient, and of dz / dw: docs/rounding_aspheres.md."""
         kappa = np.abs(self.under_root)
         square = 1.0 - self.under_root * high
         root = np.sqrt(square)

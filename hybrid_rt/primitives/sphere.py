@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core.records import FloatArray
-from meshing.area import AreaSampler, IdArray
-from meshing.checks import as_direction, as_similarity, as_vector, broadcast_parameters, number
+from meshing.area import AreaSampler
+from meshing.checks import IdArray, as_direction, as_similarity, as_vector, number
 from meshing.double_double import misfit, pair_of, rounded_image, rounding_of_product, stretched
 from meshing.surface import Surface
 
@@ -40,6 +40,7 @@ class Sphere(Surface):
     flip_of_uv = "u reversed"
     closes = (True, False)
     poles = (True, True)
+    rounding_reach = 0.0
 
     def __init__(
         self,
@@ -92,11 +93,6 @@ class Sphere(Surface):
         return float(max(map(abs, self.center.tolist()))) + self.radius
 
     @property
-    def rounding_reach(self) -> float:
-        """0: a hit rounds as its coordinates do."""
-        return 0.0
-
-    @property
     def ball(self) -> tuple[FloatArray, float]:
         """Centre and radius."""
         return self.center, self.radius
@@ -106,78 +102,42 @@ class Sphere(Surface):
         """A key that is equal for equal spheres; other spheres share no area with this one."""
         return (*self.center.tolist(), self.radius)
 
-    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (..., 3) float64 at (u, v), scene units.
-
-        Parameters
-        ----------
-        u, v : floats that broadcast with each other and with ``patch_id``
-        patch_id : whole numbers
-            0: there is one piece.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If they do not broadcast, or there is no such piece.
-        """
+    def _points(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
         from hybrid_rt.core.kernels.sphere_points import settle_on_sphere
 
-        outward = self._outward(u, v, patch_id)
-        points: FloatArray = self.center + self.radius * outward.reshape(-1, 3)
+        del patch_id
+        points: FloatArray = self.center + self.radius * self._outward(u, v)
         settle_on_sphere(points, *self.center.tolist(), self.radius)
-        return points.reshape(outward.shape)
+        return points
 
-    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (..., 3) float64 at (u, v).
+    def _normals(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        del patch_id
+        return self.orientation * self._outward(u, v)
 
-        Arguments and errors are those of `point`.
-        """
-        return self.orientation * self._outward(u, v, patch_id)
-
-    def partials(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+    def _partials(
+        self, u: FloatArray, v: FloatArray, patch_id: IdArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the partials S_u and S_v (..., 3) float64.
-
-        Arguments and errors are those of `point`.
-        """
-        u, v, _, shape = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+        del patch_id
         azimuth, polar = 2.0 * np.pi * u, np.pi * v
         ring, height = np.sin(polar), np.cos(polar)
         x, y, zero = np.cos(azimuth), np.sin(azimuth), np.zeros_like(u)
         along_u = 2.0 * np.pi * np.stack([-ring * y, ring * x, zero], axis=-1)
         along_v = np.pi * np.stack([height * x, height * y, ring], axis=-1)
-        along_u, along_v = (
-            self.radius * (along_u @ self.frame),
-            self.radius * (along_v @ self.frame),
-        )
-        return along_u.reshape(*shape, 3), along_v.reshape(*shape, 3)
+        return self.radius * (along_u @ self.frame), self.radius * (along_v @ self.frame)
 
     def area_sampler(self) -> AreaSampler:
         """Return the area sampler."""
         return _Bands(np.array([4.0 * np.pi * self.radius**2]))
 
-    def _outward(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike) -> FloatArray:
-        u, v, _, shape = broadcast_parameters(u, v, patch_id, 1, "patch_id")
+    def _outward(self, u: FloatArray, v: FloatArray) -> FloatArray:
         azimuth, polar = 2.0 * np.pi * u, np.pi * v
         ring = np.sin(polar)
         local = np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), -np.cos(polar)], axis=-1)
         outward: FloatArray = local @ self.frame
-        return outward.reshape(*shape, 3)
+        return outward
 
     def transformed(self, matrix: ArrayLike) -> Sphere:
-        """Return the image under a similarity; (u, v) stay with their points.
-
-        Parameters
-        ----------
-        matrix : (4, 4) array
-            Acts on columns (x, y, z, 1): rotation, shift, uniform scale, reflection.
-
-        Raises
-        ------
-        ValueError, TypeError
-            For any other matrix.
-        """
+        """Return the image under a similarity; see `meshing.surface.Surface.transformed`."""
         turn, shift, scale, is_reflection = as_similarity(matrix, "Sphere")
         linear = np.asarray(matrix, np.float64)[:3, :3]
         center, off = rounded_image(linear, shift, pair_of(self.center))

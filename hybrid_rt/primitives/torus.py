@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.primitives.axial import AxialSurface
-from meshing.checks import as_similarity, broadcast_parameters, freeze, number, still_unit
+from meshing.checks import IdArray, as_similarity, freeze, number, still_unit
 from meshing.double_double import misfit, pair_of, rounded_image, rounding_of_product, stretched
 
 
@@ -92,68 +92,35 @@ class Torus(AxialSurface):
         radii = self.major_radius, self.minor_radius
         return (*self.origin.tolist(), *(sign * self.axis + 0.0).tolist(), *radii)
 
-    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (..., 3) float64 at (u, v), scene units.
-
-        Parameters
-        ----------
-        u, v : floats that broadcast with each other and with ``patch_id``
-        patch_id : whole numbers
-            0: there is one piece.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If they do not broadcast, or there is no such piece.
-        """
-        cos_u, sin_u, cos_v, sin_v = self._turns(u, v, patch_id)
+    def _points(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        del patch_id
+        cos_u, sin_u, cos_v, sin_v = self._turns(u, v)
         ring = self.major_radius + self.minor_radius * cos_v
         return self.origin + self._world(ring * cos_u, ring * sin_u, self.minor_radius * sin_v)
 
-    def partials(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+    def _partials(
+        self, u: FloatArray, v: FloatArray, patch_id: IdArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the partials S_u and S_v (..., 3) float64.
-
-        Arguments and errors are those of `point`.
-        """
-        cos_u, sin_u, cos_v, sin_v = self._turns(u, v, patch_id)
+        del patch_id
+        cos_u, sin_u, cos_v, sin_v = self._turns(u, v)
         ring = 2.0 * np.pi * (self.major_radius + self.minor_radius * cos_v)
         tube = 2.0 * np.pi * self.orientation * self.minor_radius
         # `_turns` has turned v with the orientation: its derivative has that sign once more.
         along_v = self._world(-sin_v * cos_u, -sin_v * sin_u, cos_v)
         return self._world(-ring * sin_u, ring * cos_u, np.zeros_like(ring)), tube * along_v
 
-    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (..., 3) float64 at (u, v).
-
-        Arguments and errors are those of `point`.
-        """
-        cos_u, sin_u, cos_v, sin_v = self._turns(u, v, patch_id)
+    def _normals(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        del patch_id
+        cos_u, sin_u, cos_v, sin_v = self._turns(u, v)
         return self.orientation * self._world(cos_v * cos_u, cos_v * sin_u, sin_v)
 
-    def _turns(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def _turns(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, ...]:
         """Return cosine and sine of both angles; that about the tube counts toward the axis."""
-        u, v, _, shape = broadcast_parameters(u, v, patch_id, 1, "patch_id")
-        u, v = u.reshape(shape), v.reshape(shape)
         a, b = 2.0 * np.pi * u, 2.0 * np.pi * self.orientation * v
         return np.cos(a), np.sin(a), np.cos(b), np.sin(b)
 
     def transformed(self, matrix: ArrayLike) -> Torus:
-        """Return the image under a similarity; (u, v) stay with their points.
-
-        Parameters
-        ----------
-        matrix : (4, 4) array
-            Acts on columns (x, y, z, 1): rotation, shift, uniform scale, reflection.
-
-        Raises
-        ------
-        ValueError, TypeError
-            For any other matrix.
-        """
+        """Return the image under a similarity; see `meshing.surface.Surface.transformed`."""
         turn, shift, scale, is_reflection = as_similarity(matrix, "Torus")
         # A mirrored angle runs the other way about a mirrored axis: the axis is turned round.
         sign = -1 if is_reflection else 1

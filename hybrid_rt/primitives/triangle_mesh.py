@@ -13,6 +13,7 @@ from hybrid_rt.core.checks import has
 from hybrid_rt.core.records import FloatArray
 from meshing.area import Triangles
 from meshing.checks import (
+    IdArray,
     as_affine,
     as_floats,
     as_path,
@@ -71,14 +72,10 @@ class TriangleMesh(Surface):
                 f"TriangleMesh mesh is {file}: of a file, take TriangleMesh.read({file})"
             )
         if not has(mesh, "vertices", "faces"):
+            of_scene = "; of a scene: SCENE.to_mesh(), or one mesh for each part of SCENE.dump()"
             raise TypeError(
                 f"TriangleMesh mesh is {shown(mesh)}: pass a trimesh.Trimesh, or what has vertices "
-                "and faces"
-                + (
-                    "; of a scene: SCENE.to_mesh(), or one mesh for each part of SCENE.dump()"
-                    if has(mesh, "to_mesh", "dump")
-                    else ""
-                )
+                "and faces" + of_scene * has(mesh, "to_mesh", "dump")
             )
         refuse_mask(mesh.faces, "TriangleMesh faces")
         faces = np.array(mesh.faces)
@@ -172,52 +169,33 @@ class TriangleMesh(Surface):
         used = self.vertices[self.faces.ravel()]
         return np.stack([used.min(axis=0), used.max(axis=0)])
 
-    def point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the points (..., 3) float64 at (u, v) of faces, scene units.
-
-        Parameters
-        ----------
-        u, v : floats that broadcast with each other and with ``patch_id``
-        patch_id : whole numbers
-            Faces, in the order given.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If they do not broadcast, or there is no such face.
-        """
-        u, v, face, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
+    def _corners(self, face: IdArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         a, b, c = (self.vertices[self.faces[face, k]] for k in range(3))
+        return a, b, c
+
+    def _points(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        a, b, c = self._corners(patch_id)
         points: FloatArray = a + u[:, None] * (b - a) + v[:, None] * (c - a)
-        return points.reshape(*shape, 3)
+        return points
 
-    def partials(
-        self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0
+    def _partials(
+        self, u: FloatArray, v: FloatArray, patch_id: IdArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the edges S_u and S_v (..., 3) float64 of faces.
+        del u, v
+        a, b, c = self._corners(patch_id)
+        return b - a, c - a
 
-        Arguments and errors are those of `point`.
-        """
-        _, _, face, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
-        a, b, c = (self.vertices[self.faces[face, k]] for k in range(3))
-        return (b - a).reshape(*shape, 3), (c - a).reshape(*shape, 3)
-
-    def normal(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
-        """Return the unit normals (..., 3) float64 of faces; they follow the winding order.
-
-        Arguments and errors are those of `point`.
-        """
-        _, _, face, shape = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
-        a, b, c = (self.vertices[self.faces[face, k]] for k in range(3))
-        return units(np.cross(b - a, c - a)).reshape(*shape, 3)
+    def _normals(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        """Return normals of faces; they follow the winding order."""
+        return units(np.cross(*self._partials(u, v, patch_id)))
 
     def texture_point(self, u: ArrayLike, v: ArrayLike, patch_id: ArrayLike = 0) -> FloatArray:
         """Return where textures are looked up at (u, v) of faces, (n, 2) float64.
 
         That is at (u, v) itself if the mesh has no texture coordinates. Arguments and errors are
-        those of `point`.
+        those of `meshing.surface.Surface.point`.
         """
-        u, v, face, _ = broadcast_parameters(u, v, patch_id, len(self), "patch_id")
+        u, v, face, _ = broadcast_parameters(u, v, patch_id, len(self))
         if self.texture_coordinates is None:
             return np.stack([u, v], axis=1)
         a, b, c = (self.texture_coordinates[self.faces[face, k]] for k in range(3))
@@ -227,7 +205,7 @@ class TriangleMesh(Surface):
 
     def area_sampler(self) -> Triangles:
         """Return the area sampler."""
-        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
+        a, b, c = self._corners(np.arange(len(self)))
         return Triangles(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
 
     def triangles(self) -> CertifiedMesh:
@@ -239,18 +217,7 @@ class TriangleMesh(Surface):
         return CertifiedMesh(self.vertices, self.faces, uv, numbers, 0.0)
 
     def transformed(self, matrix: ArrayLike) -> TriangleMesh:
-        """Return the image under an affine map; faces keep their order.
-
-        Parameters
-        ----------
-        matrix : (4, 4) array
-            Acts on columns (x, y, z, 1); last row (0, 0, 0, 1); not singular.
-
-        Raises
-        ------
-        ValueError, TypeError
-            For any other matrix.
-        """
+        """Return the image under an affine map; see `meshing.surface.Surface.transformed`."""
         linear, shift = as_affine(matrix, "TriangleMesh")
         vertices, off = rounded_image(linear, shift, pair_of(self.vertices))
         return self._with(vertices, self.faces.copy(), off + stretched(linear, self.moved))

@@ -38,8 +38,7 @@ def shading_normals(
 ) -> FloatArray:
     """Return the shading normals (rows, 3) of some hits on a mesh.
 
-    Where the ray arrives on different sides of the interpolated normal and the face normal, as
-    happens along silhouettes, the face normal is returned.
+    Where a ray arrives on different sides of the two normals, along silhouettes, that is the face normal.
     """
     face = mesh.faces[hits.patch_id[rows]]
     u, v = hits.u[rows][:, None], hits.v[rows][:, None]

@@ -18,24 +18,10 @@ NORMAL = 1.959964
 
 
 def audit(context: RenderContext, threads: int | None = None) -> WrongFirstHits | None:
-    """Compare first hits of camera rays with certified ones.
+    """Compare first hits of camera rays with certified ones; None if the picture's are certified.
 
-    The rays are those of the first pass through pixels spread evenly over the picture. The
-    certified hits are found without triangles and without Embree, so they are independent of the
-    method under test.
-
-    Parameters
-    ----------
-    context : RenderContext
-    threads : int, optional
-
-    Returns
-    -------
-    WrongFirstHits or None
-        ``rays`` that hit something by either method, the ``wrong`` ones among them (``missed``,
-        ``phantom``, ``farther``), their ``share`` with Wilson's ``interval_95``, and the
-        ``mean_error`` and ``worst_error`` of t in scene units over the correct ones. None if the
-        hits of the picture are certified themselves.
+    The rays are those of the first pass through pixels spread evenly over the picture. The certified hits
+    are found without triangles and without Embree, so they are independent of the method under test.
     """
     tracer = context.tracer
     if tracer.accuracy == "certified" or "embree" not in tracer.plan["used"]:

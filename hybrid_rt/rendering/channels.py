@@ -27,15 +27,7 @@ ROWS_AT_ONCE = 2**18
 
 @dataclass(frozen=True)
 class Behind:
-    """The first hits behind the centres of n pixels.
-
-    Attributes
-    ----------
-    hits : HitRecord of n rows
-    scene : CompiledScene
-    light : SurfaceLight
-        Gives materials and colours at hits.
-    """
+    """The first hits behind the centres of pixels, and what gives materials and colours there."""
 
     hits: HitRecord
     scene: CompiledScene
@@ -48,19 +40,9 @@ OfPasses = Callable[[Film], FloatArray]
 
 @dataclass(frozen=True)
 class Output:
-    """One output.
+    """One output: values (n, parts) from `Behind`, or (height, width, parts) from a `Film`."""
 
-    Attributes
-    ----------
-    parts : tuple of str
-        Names of its components; (): one number per pixel.
-    of_pixels : callable, optional
-        Takes `Behind`, returns values (n,) or (n, parts).
-    of_passes : callable, optional
-        Takes a `Film`, returns values (height, width) or (height, width, parts).
-    """
-
-    parts: tuple[str, ...]
+    parts: tuple[str, ...]  # names of its components; (): one number per pixel
     of_pixels: OfPixels | None = None
     of_passes: OfPasses | None = None
 
@@ -152,7 +134,7 @@ def half_interval(film: Film) -> FloatArray:
 
 
 def check_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of outputs, each once, or raise ValueError naming the unknown one."""
+    """Return the names of outputs, each once; raise ValueError for an unknown one."""
     given = checks.items(names, "outputs")
     for name in given:
         if isinstance(name, str) and name.startswith("denoise"):
@@ -172,13 +154,9 @@ def numbers_per_pixel(names: Sequence[str]) -> int:
 def compute_channels(
     names: Sequence[str], context: RenderContext, film: Film
 ) -> dict[str, NDArray[np.float32]]:
-    """Return the channels asked for.
+    """Return the channels asked for by name, (height, width) or (height, width, parts), row 0 at the top.
 
-    Returns
-    -------
-    dict
-        By name, (height, width) or (height, width, parts) float32, row 0 at the top. On a miss
-        depth is inf, object_id -1, albedo 0 and the rest nan. Errors are nan after a single pass.
+    On a miss depth is inf, object_id -1, albedo 0 and the rest nan. Errors are nan after a single pass.
     """
     outputs = {name: OUTPUTS[name] for name in names}
     of_pixels = {name: o.of_pixels for name, o in outputs.items() if o.of_pixels is not None}
@@ -198,7 +176,12 @@ def _of_pixels(
     at_once = max(ROWS_AT_ONCE // camera.width, 1)
     for first in range(0, camera.height, at_once):
         rows = np.arange(first, min(first + at_once, camera.height))
-        behind = Behind(_hits_behind(rows, context), context.scene, light)
+        row, column = np.meshgrid(rows + 0.5, np.arange(camera.width) + 0.5, indexing="ij")
+        origins, directions = camera.rays(column.ravel(), row.ravel())
+        with context.ledger.stage("channels"):
+            hits = context.tracer.intersect(origins, directions)
+        context.ledger.rays["channels"] += len(hits)
+        behind = Behind(hits, context.scene, light)
         for name, function in functions.items():
             values = function(behind)
             if name not in channels:
@@ -207,13 +190,3 @@ def _of_pixels(
             part = channels[name][rows[0] : rows[-1] + 1]
             part[...] = values.reshape(part.shape)
     return channels
-
-
-def _hits_behind(rows: NDArray[np.intp], context: RenderContext) -> HitRecord:
-    camera = context.scene.camera
-    row, column = np.meshgrid(rows + 0.5, np.arange(camera.width) + 0.5, indexing="ij")
-    origins, directions = camera.rays(column.ravel(), row.ravel())
-    with context.ledger.stage("channels"):
-        hits: HitRecord = context.tracer.intersect(origins, directions)
-    context.ledger.rays["channels"] += len(hits)
-    return hits

@@ -14,12 +14,13 @@ import uuid
 from collections import deque
 from collections.abc import Callable, Generator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
 from hybrid_rt.core import checks
 from hybrid_rt.core.interrupts import heard_anywhere, unheard_by_others
 from hybrid_rt.integrators.workers import Made, Pass, Workers
+from hybrid_rt.rendering.identity import unequal
 from hybrid_rt.rendering.report import ClusterFigures
 from hybrid_rt.rendering.run import ClusterLost
 from hybrid_rt.rendering.settings import Settings
@@ -77,36 +78,11 @@ class _Task:
     tries: int = 1
 
 
-@dataclass
-class _Seen:
-    """What is told of the cluster in the report."""
-
-    workers: set[str] = field(default_factory=set)
-    refused: dict[str, str] = field(default_factory=dict)
-    tasks: int = 0
-    tried_again: int = 0
-    seconds: float = 0.0
-    received: int = 0
-
-
 class Cluster:
     """Makes passes in other processes; sums and counts stay with the workers of this one.
 
-    Parameters
-    ----------
-    address : str
-        See `check_address`.
-    scene : Scene
-    settings : Settings
-    here : Workers
-        Of this process: they count what others counted.
-
-    Raises
-    ------
-    ClusterLost
-        If there is no scheduler, or no worker of these versions within `PATIENCE` seconds.
-    ValueError
-        If the scene cannot be sent to other processes.
+    Raises ClusterLost if there is no scheduler, or no worker of these versions within `PATIENCE` seconds,
+    and ValueError if the scene cannot be sent to other processes.
     """
 
     def __init__(self, address: str, scene: Scene, settings: Settings, here: Workers) -> None:
@@ -121,7 +97,11 @@ class Cluster:
                 f"cluster {address!r}: the scene cannot be sent to other processes "
                 f"({_words(error)}): {_IMPORTABLE}"
             ) from error
-        self._seen = _Seen()
+        # What the report tells.
+        self._made_by: set[str] = set()
+        self._refused: dict[str, str] = {}
+        self._n_tasks = self._n_again = self._received = 0
+        self._seconds = 0.0
         self._counts = here.counts()
         self._has_blur: bool | None = None
         # Of workers that are ready; and those that set the scene up.
@@ -138,36 +118,9 @@ class Cluster:
 
     def __enter__(self) -> Self:
         """Connect, bring the scene to the workers, and wait until one of them has set it up."""
-        import dask
-        from distributed import Client, LocalCluster
-
-        try:
-            if self._address.startswith(LOCAL):
-                n = int(self._address.removeprefix(LOCAL))
-                # dask has its processes give back memory at once, which costs a quarter of the time.
-                given_back = dask.config.set({"distributed.nanny.pre-spawn-environ": {}})
-                with heard_anywhere(), given_back, unheard_by_others():
-                    self._local = LocalCluster(
-                        n_workers=n, threads_per_worker=1, dashboard_address=None, silence_logs=50
-                    )
-            place = self._address if self._local is None else self._local
-            with heard_anywhere():
-                self._client = Client(place, timeout=ANSWER, set_as_default=False)
-        except (OSError, TimeoutError, ValueError, RuntimeError) as error:
-            self._close_local()
-            if self._address.startswith(LOCAL):
-                raise self._lost(
-                    f"its processes did not start ({_words(error)}): a script must render under "
-                    '`if __name__ == "__main__":`, since each process imports it'
-                ) from error
-            raise self._lost(
-                f"no scheduler answers ({_words(error)}): start `dask scheduler` there"
-            ) from error
-        except KeyboardInterrupt:
-            self._close_local()
-            raise
         try:
             with heard_anywhere():
+                self._connect()
                 self._wait("no worker of these versions came")
                 while self._local is not None and self._setting_up:  # they all began together
                     time.sleep(LOOK / 10)
@@ -176,6 +129,31 @@ class Cluster:
             self.__exit__()
             raise
         return self
+
+    def _connect(self) -> None:
+        import dask
+        from distributed import Client, LocalCluster
+
+        is_local = self._address.startswith(LOCAL)
+        try:
+            if is_local:
+                n = int(self._address.removeprefix(LOCAL))
+                # dask has its processes give back memory at once, which costs a quarter of the time.
+                given_back = dask.config.set({"distributed.nanny.pre-spawn-environ": {}})
+                with given_back, unheard_by_others():
+                    self._local = LocalCluster(
+                        n_workers=n, threads_per_worker=1, dashboard_address=None, silence_logs=50
+                    )
+            place = self._local if is_local else self._address
+            self._client = Client(place, timeout=ANSWER, set_as_default=False)
+        except (OSError, TimeoutError, ValueError, RuntimeError) as error:
+            why = (
+                f"its processes did not start ({_words(error)}): a script must render under "
+                '`if __name__ == "__main__":`, since each process imports it'
+                if is_local
+                else f"no scheduler answers ({_words(error)}): start `dask scheduler` there"
+            )
+            raise self._lost(why) from error
 
     def __exit__(self, *_error: object) -> None:
         """Drop what is still to be made, and let go of the cluster."""
@@ -191,11 +169,8 @@ class Cluster:
                 self._client.run(forget_scene, self._key, workers=given, on_error="ignore")
         with suppress(Exception):
             self._client.close(timeout=2)
-        self._close_local()
-
-    def _close_local(self) -> None:
-        if self._local is not None:
-            with suppress(Exception):
+        with suppress(Exception):
+            if self._local is not None:
                 self._local.close(timeout=5)
 
     def at_once(self) -> int:
@@ -236,7 +211,7 @@ class Cluster:
     def _submitted(self, first: int, stop: int, tries: int = 1) -> _Task:
         from hybrid_rt.rendering.cluster_tasks import make_passes
 
-        self._seen.tasks += 1
+        self._n_tasks += 1
         allowed = frozenset(self._threads)
         future = self._client.submit(
             make_passes,
@@ -251,10 +226,7 @@ class Cluster:
         return _Task(first, stop, future, allowed, tries)
 
     def _next(self, hear: Callable[[], None]) -> list[Part]:
-        """Wait for the first of the tasks, and return what it made.
-
-        ``hear`` is called while nothing comes.
-        """
+        """Wait for the first of the tasks, and return what it made; call ``hear`` while nothing comes."""
         from distributed import CancelledError, KilledWorker
         from distributed.comm import CommClosedError
 
@@ -301,10 +273,10 @@ class Cluster:
         self._has_blur = result.parts[0].made.blur_change is not None
 
     def _note(self, task: _Task, result: TaskResult) -> None:
-        self._seen.seconds += result.seconds
+        self._seconds += result.seconds
         for made in (part.made for part in result.parts):
             arrays = (made.radiance if isinstance(made, Pass) else made.total, made.blur_change)
-            self._seen.received += sum(array.nbytes for array in arrays if array is not None)
+            self._received += sum(array.nbytes for array in arrays if array is not None)
         a_run = RUN * result.seconds / (task.stop - task.first)
         self._runs = min(max(int(SECONDS / max(a_run, 1e-9)), 1), MOST_RUNS)
 
@@ -314,7 +286,10 @@ class Cluster:
         if task.tries >= TRIES:
             raise self._failed(task, error)
         self._wait("no worker is left, and none came", hear)
-        self._seen.tried_again += 1
+        self._submit_again(task)
+
+    def _submit_again(self, task: _Task) -> None:
+        self._n_again += 1
         place = self._tasks.index(task)
         self._tasks[place] = self._submitted(task.first, task.stop, task.tries + 1)
 
@@ -327,7 +302,7 @@ class Cluster:
             elif self._why_not_set_up:
                 raise self._lost(f"no worker can set the scene up ({self._why_not_set_up})")
             elif time.monotonic() > until:
-                refused = "; ".join(f"{who}: {why}" for who, why in self._seen.refused.items())
+                refused = "; ".join(f"{who}: {why}" for who, why in self._refused.items())
                 raise self._lost(
                     f"{why} within {PATIENCE:.0f} s{f' (refused: {refused})' if refused else ''}: "
                     "start `dask worker` there"
@@ -347,7 +322,7 @@ class Cluster:
             raise self._lost("the scheduler is gone: start it again")
         try:
             there = self._client.scheduler_info(n_workers=-1)["workers"]
-            known = (self._threads, self._setting_up, self._seen.refused)
+            known = (self._threads, self._setting_up, self._refused)
             self._bring_scene([who for who in there if not any(who in one for one in known)])
         except (OSError, TimeoutError, RuntimeError, KeyError):
             return bool(self._threads)  # between two states: look again later
@@ -360,14 +335,13 @@ class Cluster:
                 future.cancel(force=True)
             elif future.status == "finished":
                 self._threads[who] = there[who]["nthreads"]
-                self._seen.workers.add(who)
+                self._made_by.add(who)
             elif future.status == "error" and self._key not in str(error := future.exception()):
-                self._seen.refused[who] = self._why_not_set_up = self._why_not(error)
-        for place, task in enumerate(self._tasks):
+                self._refused[who] = self._why_not_set_up = self._why_not(error)
+        for task in list(self._tasks):
             if self._threads and not task.allowed & self._threads.keys() and not task.future.done():
                 task.future.cancel(force=True)
-                self._seen.tried_again += 1
-                self._tasks[place] = self._submitted(task.first, task.stop, task.tries + 1)
+                self._submit_again(task)
         return bool(self._threads)
 
     def _bring_scene(self, new: list[str]) -> None:
@@ -376,12 +350,14 @@ class Cluster:
 
         if not new:
             return
-        fit = []
+        fit, own = [], versions()
         for who, found in self._client.run(versions, workers=new, on_error="return").items():
             if not isinstance(found, dict):  # an error, say
-                self._seen.refused[who] = _words(found)
-            elif why := _differences(versions(), found):
-                self._seen.refused[who] = why
+                self._refused[who] = _words(found)
+            elif names := unequal(own, found):
+                self._refused[who] = ", ".join(
+                    f"{name} {found.get(name)} there, {own.get(name)} here" for name in names
+                )
             else:
                 fit.append(who)
         if not fit:
@@ -423,25 +399,16 @@ class Cluster:
         """Return the report's entry; ``lost``: why the cluster was lost, or ""."""
         return ClusterFigures(
             address=self._address,
-            workers=len(self._seen.workers),
+            workers=len(self._made_by),
             threads=sum(self._threads.values()),
-            refused=self._seen.refused,
-            tasks=self._seen.tasks,
-            tried_again=self._seen.tried_again,
-            seconds_of_tasks=round(self._seen.seconds, 4),
-            mib_received=round(self._seen.received / 2**20, 2),
+            refused=self._refused,
+            tasks=self._n_tasks,
+            tried_again=self._n_again,
+            seconds_of_tasks=round(self._seconds, 4),
+            mib_received=round(self._received / 2**20, 2),
             lost=lost,
         )
 
 
 def _words(error: object) -> str:
     return " ".join(str(error).split())[:200] or type(error).__name__
-
-
-def _differences(own: dict[str, str], there: dict[str, str]) -> str:
-    names = dict.fromkeys((*own, *there))
-    return ", ".join(
-        f"{name} {there.get(name)} there, {own.get(name)} here"
-        for name in names
-        if own.get(name) != there.get(name)
-    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import pickle
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import closing
 from copy import deepcopy
 from dataclasses import dataclass, replace
@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from hybrid_rt.core.ledger import Ledger
-from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.integrators.workers import Counts, Made, Pass, Run, Workers
 from hybrid_rt.rendering.set_up import Ready, set_up
@@ -43,29 +42,14 @@ class Part:
 
 @dataclass(frozen=True)
 class TaskResult:
-    """Consecutive passes, as sums of whole runs where that is possible.
-
-    Attributes
-    ----------
-    parts : list of Part
-    seconds : float
-        Wall seconds of the passes, without the set-up.
-    """
+    """Consecutive passes, as sums of whole runs where that is possible."""
 
     parts: list[Part]
-    seconds: float
+    seconds: float  # of the passes, without the set-up
 
 
 def keep_scene(key: str, integrator: str, pickled: bytes) -> None:
-    """Keep a scene in this process, without any work on it.
-
-    Parameters
-    ----------
-    key : str
-    integrator : str
-    pickled : bytes
-        A scene and `Settings`, which only a process that knows its integrator can read.
-    """
+    """Keep a pickled scene with its `Settings`, without any work on it: reading it takes its integrator."""
     _SCENES.setdefault(key, PreparedScene(integrator, pickled))
 
 
@@ -107,16 +91,28 @@ def _part(workers: Workers, passes: range) -> Part:
     They are counted by themselves, since a render may end before the other passes of a task.
     """
     workers.forget()
-    run, made = _OpenRun(), None
     with closing(workers.render_passes(passes)) as found:
-        for one in found:
-            assert isinstance(one, Pass)
-            if len(passes) == 1:
-                change = None if one.blur_change is None else one.blur_change.copy()
-                made = Pass(one.radiance.copy(), change)
-            else:
-                run.add(one)
-    return Part(passes, made or run.closed(), workers.counts())
+        if len(passes) > 1:
+            made: Made = _summed(found)
+        else:  # a copy, as its arrays are used again by the next one
+            (made,) = [deepcopy(one) for one in found]
+    return Part(passes, made, workers.counts())
+
+
+@OVERFLOWS
+def _summed(passes: Iterable[Made]) -> Run:
+    """Return the passes of one run, added up as `Film` and `BlurSums` would."""
+    total: Any = 0.0
+    change: Any = None
+    means = []
+    for one in passes:
+        assert isinstance(one, Pass)
+        total = total + one.radiance
+        means.append(float(one.radiance.mean()))
+        if one.blur_change is not None:
+            both = np.stack([one.blur_change, one.blur_change * one.blur_change])
+            change = both + (0.0 if change is None else change)
+    return Run(total, tuple(means), change)
 
 
 class WrongResultError(ValueError):
@@ -128,26 +124,15 @@ def check_result(
 ) -> None:
     """Raise WrongResultError, with the reason, unless a result is what a worker makes of a range of passes.
 
-    Parameters
-    ----------
-    result : Any
-        What has come.
-    passes : range
-        What was asked for.
-    shape : (height, width)
-    alike : Counts
-        Of other passes of this render.
-    has_blur : bool, optional
-        Whether passes before told of the blur.
+    ``alike`` are counts of other passes; ``has_blur`` tells whether passes before told of the blur.
     """
     if not isinstance(result, TaskResult) or not isinstance(result.parts, list):
         raise WrongResultError(f"it is {type(result).__name__}, no list of passes")
     if not _is_count(result.seconds):
         raise WrongResultError("its seconds are no number from 0 on")
-    if not all(isinstance(part, Part) and isinstance(part.passes, range) for part in result.parts):
-        raise WrongResultError("a part of it is no pass and no run of passes")
     expected = list(_parts(passes.start, passes.stop))
-    if (sent := [part.passes for part in result.parts]) != expected:
+    sent = [part.passes if isinstance(part, Part) else part for part in result.parts]
+    if sent != expected:
         raise WrongResultError(f"it holds the passes {sent}, not each of {expected} once"[:200])
     for part in result.parts:
         has_blur = _check_made(part, shape, has_blur)
@@ -157,26 +142,22 @@ def check_result(
 
 def _check_made(part: Part, shape: tuple[int, int], has_blur: bool | None) -> bool:
     """Return whether a part tells of the blur."""
-    made, n = part.made, shape[0] * shape[1]
-    if not isinstance(made, Pass if len(part.passes) == 1 else Run):
+    made, n, is_run = part.made, shape[0] * shape[1], len(part.passes) > 1
+    if not isinstance(made, Run if is_run else Pass):
         raise WrongResultError(f"{part.passes} came as {type(made).__name__}")
-    values = made.radiance if isinstance(made, Pass) else made.total
+    values, change = made.radiance if isinstance(made, Pass) else made.total, made.blur_change
     _check_array(values, (*shape, 3), "radiance")
     if float(values.min()) < 0.0:
         raise WrongResultError("a radiance is negative")
-    change = made.blur_change
     if has_blur is not None and (change is not None) != has_blur:
         raise WrongResultError("passes do not agree whether there is blur")
-    if isinstance(made, Run):
-        means = made.means
-        if not isinstance(means, tuple) or len(means) != RUN or not all(map(_is_count, means)):
-            raise WrongResultError(f"it has no mean from 0 on for each of {RUN} passes")
-        if change is not None:
-            _check_array(change, (2, n, 3), "blur")
-            if float(change[1].min()) < 0.0:
-                raise WrongResultError("a square of the blur is negative")
-    elif change is not None:
-        _check_array(change, (n, 3), "blur")
+    if change is not None:
+        _check_array(change, (2, n, 3) if is_run else (n, 3), "blur")
+        if is_run and float(change[1].min()) < 0.0:
+            raise WrongResultError("a square of the blur is negative")
+    means = made.means if isinstance(made, Run) else (0.0,) * RUN
+    if not isinstance(means, tuple) or len(means) != RUN or not all(map(_is_count, means)):
+        raise WrongResultError(f"it has no mean from 0 on for each of {RUN} passes")
     return change is not None
 
 
@@ -190,20 +171,17 @@ def _check_array(values: Any, shape: tuple[int, ...], name: str) -> None:
 
 def _are_alike(sent: Any, own: Counts) -> bool:
     """Tell whether counts have the names that this render counts by, and numbers from 0 on."""
-    dicts = ("ledger", "work", "own")
-    if not isinstance(sent, Counts) or not _is_count(sent.coarse_seconds):
+    if not isinstance(sent, Counts):
         return False
-    if any(not isinstance(getattr(sent, name), dict) for name in dicts):
-        return False
+    pairs = [(getattr(sent, name), getattr(own, name)) for name in ("ledger", "work", "own")]
     return (
-        all(getattr(sent, name).keys() == getattr(own, name).keys() for name in dicts)
+        all(isinstance(a, dict) and a.keys() == b.keys() for a, b in pairs)
         and all(np.shape(sent.own[name]) == np.shape(own.own[name]) for name in own.own)
         and all(
             isinstance(sent.ledger[name], dict) == isinstance(value, dict)
             for name, value in own.ledger.items()
         )
-        and _is_count(sent.ledger)
-        and _is_count(sent.work)
+        and all(map(_is_count, (sent.ledger, sent.work, sent.coarse_seconds)))
     )
 
 
@@ -213,31 +191,6 @@ def _is_count(value: Any) -> bool:
         names = all(isinstance(name, str | int | np.integer) for name in value)
         return names and all(map(_is_count, value.values()))
     return isinstance(value, Real) and 0.0 <= float(value) < math.inf
-
-
-class _OpenRun:
-    """The passes of one run, added up as `Film` and `BlurSums` would."""
-
-    def __init__(self) -> None:
-        self.means: list[float] = []
-        self._total: FloatArray | None = None
-        self._change: FloatArray | None = None
-
-    @OVERFLOWS
-    def add(self, one: Pass) -> None:
-        if self._total is None:
-            self._total = np.zeros_like(one.radiance)
-            if one.blur_change is not None:
-                self._change = np.zeros((2, *one.blur_change.shape))
-        self._total += one.radiance
-        self.means.append(float(one.radiance.mean()))
-        if self._change is not None and one.blur_change is not None:
-            self._change[0] += one.blur_change
-            self._change[1] += one.blur_change * one.blur_change
-
-    def closed(self) -> Run:
-        assert self._total is not None
-        return Run(self._total, tuple(self.means), self._change)
 
 
 class PreparedScene:

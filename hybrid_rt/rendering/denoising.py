@@ -90,24 +90,10 @@ def check_denoiser() -> None:
 def denoise(
     image: NDArray[np.float32], channels: Mapping[str, NDArray[np.float32]], report: dict[str, Any]
 ) -> DenoisedPicture:
-    """Denoise the picture of a render.
+    """Denoise a linear picture (height, width, 3) by its channels "albedo" and "normal"; nan in them is 0.
 
-    Parameters
-    ----------
-    image : (height, width, 3) float32
-        Linear radiance.
-    channels : dict
-        ``"albedo"`` and ``"normal"``, (height, width, 3) float32; what is nan (on a miss) counts as
-        zero.
-    report : dict
-        Of the render.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        If the package pyoidn (the extra "denoise") is not installed.
-    ValueError
-        If a channel is missing, or a pixel of the image is not finite.
+    Raises ModuleNotFoundError without the package pyoidn (the extra "denoise"), and ValueError if a channel is
+    missing or a pixel is not finite.
     """
     check_denoiser()
     for name in GUIDES:

@@ -42,10 +42,7 @@ def png(image: NDArray[np.floating]) -> bytes:
 
 
 def as_html(image: NDArray[np.floating], report: Report) -> str:
-    """Return the picture and its report for a notebook.
-
-    Colours are those of the page, so it reads alike on light and dark ones.
-    """
+    """Return the picture and its report for a notebook, in the colours of the page, be it light or dark."""
     data = base64.b64encode(png(reduced(image))).decode("ascii")
     name = html.escape(one_line(image, report))
     width = image.shape[1]

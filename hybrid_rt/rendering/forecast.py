@@ -15,19 +15,10 @@ MOST_TIMES = 1e9
 
 
 class Forecast(NamedTuple):
-    """What a relative error costs, all passes and seconds from the first one on.
-
-    Attributes
-    ----------
-    target : float
-    option : str
-        "target_error" or, without the worst 0.1 % of the pixels, "target_error_trimmed".
-    passes : int
-    seconds : float
-    """
+    """What a relative error costs, all passes and seconds from the first one on."""
 
     target: float
-    option: str
+    option: str  # "target_error" or, without the worst 0.1 % of the pixels, "target_error_trimmed"
     passes: int
     seconds: float
 
@@ -37,13 +28,6 @@ def forecast(report: Report, target: float, *, trimmed: bool = False) -> Forecas
 
     Noise and blur fall by their laws from what they were estimated to be, and passes take as long as they
     did. Dots that grow in number count as far as twice the passes will bring them.
-
-    Parameters
-    ----------
-    report : Report
-    target : float
-    trimmed : bool
-        Whether the worst 0.1 % of the pixels are left out.
     """
     option = _TRUSTED[trimmed]
     if report.relative_error is None or report.relative_error.both is None:

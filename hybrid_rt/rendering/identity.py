@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from hybrid_rt.core.fingerprint import fingerprint
-from hybrid_rt.core.ledger import as_json
+from hybrid_rt.core.plain_records import as_json
 from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.rendering.settings import Settings
 from hybrid_rt.rendering.versions import versions
@@ -21,15 +21,7 @@ MOST_NAMED = 4
 def identity(scene: Scene, settings: Settings) -> dict[str, Any]:
     """Return what decides the bits of a pass, as `PassStore.open` takes it.
 
-    Parameters
-    ----------
-    scene : Scene
-    settings : Settings
-
-    Raises
-    ------
-    TypeError
-        If it cannot be told whether a later render has the same scene and code.
+    Raises TypeError if it cannot be told whether a later render has the same scene and code.
     """
     camera = scene.camera
     parts: dict[str, Any] = {"camera": camera, "environment": scene.environment}
@@ -56,15 +48,10 @@ def _fingerprint(value: Any, name: str) -> str:
 
 
 def differences(own: Mapping[str, Any], held: Mapping[str, Any]) -> list[str]:
-    """Say in words where two identities differ; empty if they are of the same render.
+    """Say in words where two identities differ, as JSON holds them; empty if they are of the same render.
 
-    Options that are not given are those of the integrator by default.
-
-    Parameters
-    ----------
-    own, held : dict
-        Of `identity`, as JSON holds them: of the render that is asked for ("here"), and of the one
-        in the store ("there").
+    ``own`` is what is asked for ("here"), ``held`` what the store has ("there"). Options that are not given
+    are those of the integrator by default.
     """
     found = []
     for heading in dict.fromkeys((*held, *own)):
@@ -77,9 +64,12 @@ def differences(own: Mapping[str, Any], held: Mapping[str, Any]) -> list[str]:
             changed = [name for name in a if b.get(name, a[name]) != a[name]]
             found += [f"the code of integrator {name!r} differs" for name in changed]
         elif heading == "scene":
-            found += [f"the scene's {name} {_how(name, a, b)}" for name in _unequal(a, b)]
+            for name in unequal(a, b):
+                place = "is only there" if name in a else "is only here"
+                how = "differs" if name in a and name in b else place
+                found.append(f"the scene's {name} {how}")
         else:
-            for name in _unequal(a, b):
+            for name in unequal(a, b):
                 if name == "options":
                     found += _options(a, b)
                 else:
@@ -88,14 +78,9 @@ def differences(own: Mapping[str, Any], held: Mapping[str, Any]) -> list[str]:
     return [*found[:MOST_NAMED], f"and {more} more"] if more > 0 else found
 
 
-def _unequal(a: dict[str, Any], b: dict[str, Any]) -> list[str]:
+def unequal(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[str]:
+    """Return the names under which two dicts differ."""
     return [name for name in dict.fromkeys((*a, *b)) if a.get(name) != b.get(name)]
-
-
-def _how(name: str, there: dict[str, Any], here: dict[str, Any]) -> str:
-    if name in there and name in here:
-        return "differs"
-    return "is only there" if name in there else "is only here"
 
 
 def _options(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
@@ -107,7 +92,7 @@ def _options(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
     a, b = ({**defaults, **(settings["options"] or {})} for settings in (there, here))
     flags = declared.flags()
     found = []
-    for name in _unequal(a, b):
+    for name in unequal(a, b):
         flag = f" (--{flags[name].name})" if name in flags else ""
         found.append(f"{name}{flag} {a.get(name)!r} there, {b.get(name)!r} here")
     return found

@@ -15,17 +15,7 @@ from hybrid_rt.sensor.passes import GROUPS, RUN
 
 
 class Keeper:
-    """Takes up what a store holds, and saves what a render makes.
-
-    Parameters
-    ----------
-    store : PassStore
-    film : Film
-    workers : Workers
-    limit : Limit
-    clock : Clock
-    threads : int
-    """
+    """Takes up what a store holds, and saves what a render makes."""
 
     def __init__(
         self,
@@ -42,13 +32,7 @@ class Keeper:
         self._first, self._began = 0, time.time()
 
     def take_up(self, saved: Saved) -> None:
-        """Go on from saved sums, or from those before them if they do not fit the picture.
-
-        Raises
-        ------
-        StoreError
-            If none fit.
-        """
+        """Go on from saved sums, or from those before them; raise StoreError if none fit the picture."""
         while why := self._misfit(saved):
             older = self._store.older(why)
             if older is None:
@@ -90,10 +74,7 @@ class Keeper:
         return "" if n_passes == saved.passes else f"{saved.passes} passes of which are {n_passes}"
 
     def _carry(self, counts: Counts) -> None:
-        """Take saved counts in place of those of this call, whose set-up they have counted already.
-
-        What the set-up took this time counts as well.
-        """
+        """Take saved counts in place of those of this call's set-up, but add its seconds."""
         own, context = self._workers.counts(), self._workers.context
         self._workers.forget()
         self._workers.carry(counts)

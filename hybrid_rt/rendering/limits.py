@@ -12,18 +12,13 @@ from hybrid_rt.sensor.passes import RUN
 DEFAULT_PASSES = DEFAULT_DEPTH = 16
 # Passes from here on have numbers that find out what a scene needs.
 MOST_PASSES = 2**32 - 2
-
-
 _TRIMMED = "target_error_trimmed"
 # What a limit knows of errors.
 _NOTED = ("n_of_error", "noise", "ahead", "blur", "power", "blur_stays", "is_contradicted")
 
 
 def times_the_passes(ratio: float, power: float) -> float:
-    """Return how many times the passes divide a squared error by ``ratio``; inf: beyond all numbers.
-
-    The squared error falls as passes ** -power.
-    """
+    """Return how many times the passes divide a squared error, which falls as passes ** -power, by a ratio."""
     try:
         return math.pow(ratio, 1.0 / power)
     except OverflowError:
@@ -31,13 +26,7 @@ def times_the_passes(ratio: float, power: float) -> float:
 
 
 class Clock:
-    """Wall seconds since construction, without kernel compilation.
-
-    Attributes
-    ----------
-    earlier, earlier_compilation : float
-        Those of earlier calls that made passes of the same picture.
-    """
+    """Wall seconds since construction, without kernel compilation; ``earlier`` are those of earlier calls."""
 
     def __init__(self, compilation: CompileWatch) -> None:
         self._began = time.perf_counter()
@@ -56,20 +45,7 @@ class Clock:
 
 
 class Limit:
-    """Decides before each pass whether it is to start.
-
-    Parameters
-    ----------
-    passes : int or None
-        At least 1.
-    time_budget : float or None
-        Seconds, above 0.
-    target_error : float or None
-        Estimated relative error of the picture (noise and blur), above 0. If no limit is given, 16
-        passes are made.
-    target_error_trimmed : float or None
-        The same for the error without the worst 0.1 % of the pixels.
-    """
+    """Decides before each pass whether it is to start, by the settings of these names."""
 
     def __init__(
         self,
@@ -89,22 +65,20 @@ class Limit:
         # None: no pass has begun in this call, which may go on with the passes of earlier ones.
         self._n_began: int | None = None
         self._n_first: int | None = None
-        # The noise that each target is about.
-        self._noise = dict.fromkeys(targets, math.inf)
-        self._ahead = math.inf  # what it will be after twice the passes, without the worst pixels
-        self._blur = 0.0
-        self._power, self._blur_stays = 1.0, False
-        self._is_contradicted = False
-        self._n_of_error = 0
+        # The noise that each target is about, and the number of passes of the latest estimate.
+        self.noise, self.n_of_error = dict.fromkeys(targets, math.inf), 0
+        self.ahead = math.inf  # what it will be after twice the passes, without the worst pixels
+        self.blur, self.blur_stays, self.power = 0.0, False, 1.0
+        self.is_contradicted = False
 
     def state(self) -> dict[str, Any]:
         """Return what was noted of errors, from which `restore` goes on."""
-        return {name: getattr(self, f"_{name}") for name in _NOTED}
+        return {name: getattr(self, name) for name in _NOTED}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Take over what another limit noted of the same render."""
         for name in _NOTED:
-            setattr(self, f"_{name}", state[name])
+            setattr(self, name, state[name])
 
     def begins(self, n_done: int, seconds: float, at_most: int = 1) -> int:
         """Return how many passes to start when ``n_done`` are complete after ``seconds``.
@@ -138,11 +112,11 @@ class Limit:
         at n (error / target). It is rounded to whole runs of passes. It depends on errors only, not
         on time, so a render to a target ends at the same pass on every machine.
         """
-        n = self._n_of_error
+        n = self.n_of_error
         if n == 0:
             return RUN if self.targets else 2
         ratios = [self._judged(name) / target for name, target in self.targets.items()]
-        if self._is_contradicted:
+        if self.is_contradicted:
             ratios = []
         share = min([2.0, *(ratio for ratio in ratios if math.isfinite(ratio))])
         return max(int(n * share) // RUN * RUN, n + RUN)
@@ -168,12 +142,10 @@ class Limit:
         if unknown. ``blur_stays``: more passes do not reduce it. ``is_contradicted``: an independent
         estimate says that light is missing, so no target counts as reached.
         """
-        self._n_of_error, self._blur = n_done, blur
-        self._noise["target_error"] = noise
-        self._noise["target_error_trimmed"] = noise if trimmed is None else trimmed
-        self._ahead = ahead
-        self._power, self._blur_stays = power, blur_stays
-        self._is_contradicted = is_contradicted
+        self.n_of_error, self.ahead = n_done, ahead
+        self.noise = {"target_error": noise, _TRIMMED: noise if trimmed is None else trimmed}
+        self.blur, self.blur_stays, self.power = blur, blur_stays, power
+        self.is_contradicted = is_contradicted
 
     @property
     def error(self) -> float:
@@ -185,49 +157,36 @@ class Limit:
         """The same without the worst pixels, with the blur of all."""
         return self._error("target_error_trimmed")
 
-    @property
-    def estimated_at(self) -> int:
-        """The number of passes of the latest estimate; 0: none."""
-        return self._n_of_error
-
-    @property
-    def blur(self) -> float:
-        """The blur in the latest estimate, as in `note_error`."""
-        return self._blur
-
     def _error(self, name: str) -> float:
-        return math.hypot(self._noise[name], self._blur)
+        return math.hypot(self.noise[name], self.blur)
 
     def _judged(self, name: str) -> float:
         """Return the error that a target is held against: the trimmed one has to stay below it."""
         error = self._error(name)
-        return max(error, math.hypot(self._ahead, self._blur)) if name == _TRIMMED else error
+        return max(error, math.hypot(self.ahead, self.blur)) if name == _TRIMMED else error
 
     @property
     def blur_out_of_reach(self) -> float | None:
-        """The blur, if it stays and keeps every target out of reach; else None.
-
-        It is above each target and above twice the noise then.
-        """
-        if not self.targets or not self._blur_stays:
+        """The blur, if it stays and keeps every target out of reach, above twice the noise; else None."""
+        if not self.targets or not self.blur_stays:
             return None
-        highest = max(max(target, 2.0 * self._noise[name]) for name, target in self.targets.items())
-        return self._blur if self._blur > highest else None
+        highest = max(max(target, 2.0 * self.noise[name]) for name, target in self.targets.items())
+        return self.blur if self.blur > highest else None
 
     def reached(self, n_done: int, seconds: float) -> str | None:
         """Return which limit allows no further pass, or None."""
         is_alone = self.passes is None and self.time_budget is None
         for name, target in self.targets.items():
             if self._judged(name) <= target:
-                if not self._is_contradicted:
+                if not self.is_contradicted:
                     return name
                 if is_alone:
                     return "contradicted"
-        is_noise_known = math.isfinite(self._noise["target_error"]) and not math.isnan(self._blur)
-        if self.targets and self._n_of_error and not is_noise_known:
+        is_noise_known = math.isfinite(self.noise["target_error"]) and not math.isnan(self.blur)
+        if self.targets and self.n_of_error and not is_noise_known:
             return "not_finite"  # and never will be: what is in the sums stays
         # Passes would be added for ever, to no avail.
-        if is_alone and (self.blur_out_of_reach is not None or math.isinf(self._blur)):
+        if is_alone and (self.blur_out_of_reach is not None or math.isinf(self.blur)):
             return "blur"
         if self.passes is not None and n_done >= self.passes:
             return "passes"
@@ -239,8 +198,7 @@ class Limit:
     def expected_passes(self, n_done: int, in_time: float | None = None) -> int:
         """Return the expected total number of passes, as estimated after ``n_done``.
 
-        ``in_time`` is how many the time budget allows at the speed so far. Default: judged by the
-        slowest pass, as the start of a pass is.
+        ``in_time`` is how many the time budget allows; by default judged by the slowest pass, as their start is.
         """
         expected = [] if self.passes is None else [self.passes]
         if self.time_budget is not None:
@@ -248,11 +206,11 @@ class Limit:
                 in_time = n_done + (self.time_budget - self._pass_began) / self._longest
             if in_time is not None:
                 expected.append(int(min(in_time, MOST_PASSES)))
-        stays = self._blur if self._blur_stays else 0.0
+        stays = self.blur if self.blur_stays else 0.0
         for name, target in self.targets.items():
             error = self._judged(name)
             left = target**2 - stays**2
             if left > 0.0 and math.isfinite(error):
-                times = times_the_passes((error**2 - stays**2) / left, self._power)
-                expected.append(math.ceil(min(self._n_of_error * times, MOST_PASSES)))
+                times = times_the_passes((error**2 - stays**2) / left, self.power)
+                expected.append(math.ceil(min(self.n_of_error * times, MOST_PASSES)))
         return max(min(expected, default=0), n_done + 1)

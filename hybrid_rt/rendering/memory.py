@@ -21,22 +21,9 @@ PHOTON_SETS = 2
 def check_memory(
     camera: Projection, photons: int, outputs: Sequence[str], passes: int | None = None
 ) -> None:
-    """Raise if the render needs more memory than this process can have.
+    """Raise MemoryError if a render needs more memory than this process can have.
 
-    Parameters
-    ----------
-    camera : Projection
-    photons : int
-        Number per pass; 0 without photons.
-    outputs : sequence of str
-        Channels besides radiance.
-    passes : int, optional
-        Largest number of passes; None: unlimited.
-
-    Raises
-    ------
-    MemoryError
-        With the memory needed and the memory available.
+    ``photons`` are those of a pass; ``passes`` the largest number, None if it is unlimited.
     """
     n_pixels, available = camera.width * camera.height, available_bytes()
     per_pixel = PER_PIXEL_WITH_PHOTONS if photons else PER_PIXEL

@@ -16,11 +16,9 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any, TextIO
 
 from hybrid_rt.core import checks
-from hybrid_rt.core.progress import COMPILING
 from hybrid_rt.rendering.units import per_cent
 
 MODES = ("auto", "bar", "plain", "none")
@@ -28,9 +26,6 @@ MODES = ("auto", "bar", "plain", "none")
 REDRAW_INTERVAL, NOTEBOOK_INTERVAL = 0.1, 0.25
 # A log gets a line when the stage has gone on by a fifth of its time, within these limits, seconds.
 SHARE_OF_TIME, LEAST_PAUSE, LONGEST_PAUSE = 0.2, 10.0, 600.0
-# Between these parts of the kernels compiled the seconds left are said: at first kernels wait for each
-# other, and the last one may take as long as many before it.
-EVEN = (0.3, 0.9)
 # Letters; a bar shorter than the second tells less than words in its place.
 BAR_WIDTH, LEAST_BAR = 30, 10
 
@@ -80,47 +75,18 @@ def in_notebook() -> bool:
     return getattr(shell, "kernel", None) is not None
 
 
-@dataclass(frozen=True)
-class State:
-    """How far a stage is; ``total`` is 0 where nobody knows.
-
-    ``before`` was done already when its ``seconds`` began, as in a render that goes on.
-    """
-
-    stage: str
-    done: int
-    total: int
-    seconds: float
-    before: int
-
-    @property
-    def numbers(self) -> str:
-        """Share done, seconds taken, seconds left."""
-        text = f"{100 * self.done // self.total:3d} %  {self.seconds:.1f} s"
-        first, last = EVEN if self.stage == COMPILING else (0.0, 1.0)
-        now = self.done - self.before
-        if now > 0 and first * self.total < self.done < last * self.total:
-            text += f", {self.seconds * (self.total - self.done) / now:.0f} s left"
-        return text
-
-
 class ProgressDisplay:
-    """What all displays share: the present stage, the error, and when to draw again.
-
-    Parameters
-    ----------
-    clock : callable
-        Returns seconds.
-    """
+    """What all displays share: the present stage, the error, and when to draw again."""
 
     interval = REDRAW_INTERVAL
 
     def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
         self._clock = clock
         self._lock = threading.RLock()
-        self._state: State | None = None
-        self._began = self._drawn = 0.0
-        self._before = 0
+        self._stage = ""  # none yet
+        # What was done already when the stage began, as in a render that goes on, is not its work.
+        self._done = self._total = self._before = 0  # a total of 0: unknown
+        self._began = self._seconds = self._drawn = 0.0
         self._is_behind = False
         self._error = self._short_error = ""
 
@@ -128,15 +94,15 @@ class ProgressDisplay:
         """Show the state of a stage; see `hybrid_rt.core.progress.Progress`."""
         with self._lock:
             now = self._clock()
-            is_new = self._state is None or stage != self._state.stage
+            is_new = stage != self._stage
+            was_full = not is_new and self._is_full
             if is_new:
                 self._end_stage()
-                self._began, self._before = now, done
+                self._stage, self._began, self._before = stage, now, done
                 self._error = self._short_error = ""
-            was_full = not is_new and self._state is not None and _is_full(self._state)
-            self._state = State(stage, done, total, now - self._began, self._before)
+            self._done, self._total, self._seconds = done, total, now - self._began
             self._is_behind = True
-            is_end = _is_full(self._state) and not was_full
+            is_end = self._is_full and not was_full
             if is_new or is_end or now - self._drawn >= self.interval:
                 self._redraw(is_new)
 
@@ -162,24 +128,38 @@ class ProgressDisplay:
         """Show the last state, and leave it as it is."""
         with self._lock:
             self._end_stage()
-            self._state = None
+            self._stage = ""
+
+    @property
+    def _is_full(self) -> bool:
+        return 0 < self._total <= self._done
+
+    def _words(self, error: str, percent: str = "d") -> str:
+        """Return share done, seconds taken, seconds left, and an error, as far as they are known."""
+        done, total = self._done, self._total
+        if not total:
+            return f"... {self._seconds:.0f} s" if self._seconds >= 1.0 else "..."
+        text = f"{100 * done // total:{percent}} %  {self._seconds:.1f} s"
+        now = done - self._before
+        if now > 0 and 0 < done < total:
+            text += f", {self._seconds * (total - done) / now:.0f} s left"
+        return text + error
 
     def _redraw(self, is_new: bool) -> None:
-        assert self._state is not None
         self._drawn, self._is_behind = self._clock(), False
-        self._draw(self._state, is_new)
+        self._draw(is_new)
 
-    def _draw(self, state: State, is_new: bool) -> None:
+    def _draw(self, is_new: bool) -> None:
         raise NotImplementedError
 
     def _end_stage(self) -> None:
         """Draw what has not been drawn yet."""
-        if self._state is not None and self._is_behind:
+        if self._stage and self._is_behind:
             self._redraw(False)
 
 
 class StreamDisplay(ProgressDisplay):
-    """A display that writes to a text file; nobody need listen."""
+    """A display that writes to a text file; write errors are ignored."""
 
     def __init__(self, stream: TextIO, clock: Callable[[], float] = time.perf_counter) -> None:
         super().__init__(clock)
@@ -197,41 +177,36 @@ class StreamDisplay(ProgressDisplay):
 
 
 class TerminalBar(StreamDisplay):
-    """A line that is drawn anew in place, and never wider than the terminal.
-
-    Only carriage returns and spaces move and clear it, which every terminal knows.
-    """
+    """A line that is redrawn by carriage returns and spaces alone, and never wider than the terminal."""
 
     _n_shown = 0
 
     def say(self, text: str) -> None:
         """Write a line above the bar."""
         with self._lock:
-            n_shown = self._n_shown
+            n_shown, self._n_shown = self._n_shown, 0
             self._write("\r" + " " * n_shown + "\r" if n_shown else "")
-            self._n_shown = 0
             super().say(text)
-            if n_shown and self._state is not None:
+            if n_shown and self._stage:
                 self._redraw(False)
 
-    def _draw(self, state: State, is_new: bool) -> None:
+    def _draw(self, is_new: bool) -> None:
         del is_new
         # The last column stays free: some terminals go on to the next line with it.
-        line = self._fitted(state, max(columns(self._stream) - 1, 1))
+        line = self._fitted(max(columns(self._stream) - 1, 1))
         self._write("\r" + line.ljust(self._n_shown))
         self._n_shown = len(line)
 
-    def _fitted(self, state: State, width: int) -> str:
+    def _fitted(self, width: int) -> str:
         """Return the line, with a shorter error, without its bar, or cut, as far as need be."""
-        if not state.total:
-            return _cut(f"{state.stage} ...", width)
-        for error in (self._error, self._short_error):
-            words = f"{state.numbers}{error}"
-            room = min(width - len(f"{state.stage} [] {words}"), BAR_WIDTH)
+        for error in (self._error, self._short_error) if self._total else ():
+            words = self._words(error, "3d")
+            room = min(width - len(f"{self._stage} [] {words}"), BAR_WIDTH)
             if room >= LEAST_BAR:
-                filled = room * state.done // state.total
-                return f"{state.stage} [{'#' * filled}{'.' * (room - filled)}] {words}"
-        return _cut(f"{state.stage} {state.numbers.lstrip()}{self._short_error}", width)
+                filled = room * self._done // self._total
+                return f"{self._stage} [{'#' * filled}{'.' * (room - filled)}] {words}"
+        line = f"{self._stage} {self._words(self._short_error)}"
+        return line if len(line) <= width else (line[: max(width - 3, 0)] + "...")[:width]
 
     def _end_stage(self) -> None:
         super()._end_stage()
@@ -245,23 +220,20 @@ class PlainLines(StreamDisplay):
 
     interval = LEAST_PAUSE
 
-    def _draw(self, state: State, is_new: bool) -> None:
-        self.interval = min(max(SHARE_OF_TIME * state.seconds, LEAST_PAUSE), LONGEST_PAUSE)
+    def _draw(self, is_new: bool) -> None:
+        self.interval = min(max(SHARE_OF_TIME * self._seconds, LEAST_PAUSE), LONGEST_PAUSE)
         if is_new:
-            self._write(f"{state.stage} ...\n")
+            self._write(f"{self._stage} ...\n")
         # The end of a short stage is no news: the next begins.
-        elif state.total and state.seconds >= LEAST_PAUSE:
-            self._write(f"{state.stage} {state.numbers.lstrip()}{self._error}\n")
+        elif self._seconds >= LEAST_PAUSE:
+            self._write(f"{self._stage} {self._words(self._error)}\n")
 
 
 class NotebookBar(ProgressDisplay):
     """One output of a notebook's cell, updated in place."""
 
     interval = NOTEBOOK_INTERVAL
-
-    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
-        super().__init__(clock)
-        self._handle: Any = None
+    _handle: Any = None
 
     def close(self) -> None:
         """Leave the last state as it is; a next render has an output of its own."""
@@ -269,9 +241,9 @@ class NotebookBar(ProgressDisplay):
             super().close()
             self._handle = None
 
-    def _draw(self, state: State, is_new: bool) -> None:
+    def _draw(self, is_new: bool) -> None:
         del is_new
-        shown = _Shown(state, self._error)
+        shown = _Shown(f"{self._stage} {self._words(self._error)}", self._done, self._total)
         if self._handle is None:
             display = importlib.import_module("IPython.display").display
             self._handle = display(shown, display_id=True)
@@ -282,22 +254,16 @@ class NotebookBar(ProgressDisplay):
 class _Shown:
     """A state as notebooks show it; colours are the page's."""
 
-    def __init__(self, state: State, error: str) -> None:
-        self._state = state
-        self._words = f"{state.numbers.lstrip()}{error}" if state.total else "..."
+    def __init__(self, words: str, done: int, total: int) -> None:
+        self._words, self._done, self._total = words, done, total
 
     def __repr__(self) -> str:
-        return f"{self._state.stage} {self._words}"
+        return self._words
 
     def _repr_html_(self) -> str:
         style = "width:15em;max-width:40%;vertical-align:middle"
-        bar = ""
-        if self._state.total:
-            bar = (
-                f'<progress value="{self._state.done}" max="{self._state.total}" '
-                f'style="{style}"></progress> '
-            )
-        return f"<div>{bar}{html.escape(repr(self))}</div>"
+        bar = f'<progress value="{self._done}" max="{self._total}" style="{style}"></progress> '
+        return f"<div>{bar if self._total else ''}{html.escape(self._words)}</div>"
 
 
 def columns(stream: TextIO) -> int:
@@ -308,11 +274,3 @@ def columns(stream: TextIO) -> int:
         if n > 0 and not os.environ.get("COLUMNS"):
             return n
     return shutil.get_terminal_size().columns
-
-
-def _is_full(state: State) -> bool:
-    return 0 < state.total <= state.done
-
-
-def _cut(line: str, width: int) -> str:
-    return line if len(line) <= width else (line[: max(width - 3, 0)] + "...")[:width]

@@ -7,6 +7,7 @@ from contextlib import ExitStack
 
 from hybrid_rt.core.interrupts import hear_again, heard_anywhere, heard_at_stops, kept_back
 from hybrid_rt.core.ledger import Ledger
+from hybrid_rt.core.precompile import want
 from hybrid_rt.core.progress import watch_compilation
 from hybrid_rt.core.suggestions import explains
 from hybrid_rt.rendering.audit import audit
@@ -17,8 +18,9 @@ from hybrid_rt.rendering.report_making import make_report, picture_settings
 from hybrid_rt.rendering.report_warnings import scene_warnings, warnings_in_words
 from hybrid_rt.rendering.result import RenderInterrupted, RenderResult
 from hybrid_rt.rendering.run import ClusterLost, run_passes
-from hybrid_rt.rendering.set_up import set_up
+from hybrid_rt.rendering.set_up import Rehearsal, set_up
 from hybrid_rt.rendering.settings import Arguments, other_names, takes
+from hybrid_rt.rendering.unmet_light import with_unmet_light
 from hybrid_rt.rendering.watcher import Beginning
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.film import Film
@@ -138,6 +140,8 @@ def render(scene: Scene, asked: Arguments) -> RenderResult:
     declared, own, limit = settings.declared, settings.own, settings.limit
     n_threads, told = settings.n_threads, picture_settings(scene, settings)
     check_memory(scene.camera, own.n_photons, settings.outputs, settings.passes)
+    rehearsal = Rehearsal(scene, settings)
+    want(rehearsal.tasks)
 
     # What holds signals back ends last: to let go of a cluster takes seconds.
     with ExitStack() as held, ExitStack() as around:
@@ -229,6 +233,9 @@ def render(scene: Scene, asked: Arguments) -> RenderResult:
         report = make_report(
             told, ready, film, clock, stopped_by, check, wrong, unfound, of_cluster, of_store
         )
+        if "half_interval" in channels and report.cross_check is not None:
+            half = channels["half_interval"]
+            channels["half_interval"] = with_unmet_light(half, report.cross_check)
         result = RenderResult(film.image, report, channels)
         for words in [*warnings_in_words(report), *([lost] if lost else [])]:
             if words not in said:

@@ -12,8 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, Self, TypedDict
 
 from hybrid_rt.core import checks
-from hybrid_rt.core.ledger import as_json
-from hybrid_rt.core.plain_records import absent, from_plain, inline, plain_fields
+from hybrid_rt.core.plain_records import absent, as_json, from_plain, inline, plain_fields
 from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.integrators.photons.figures import LightNotFound, PhotonFigures
 from hybrid_rt.rendering.settings import Settings
@@ -43,16 +42,9 @@ class PictureSettings(Settings):
 
 @dataclass(frozen=True)
 class PictureNoise(Noise):
-    """The noise of a picture, and the 95 % interval of its mean.
+    """The noise of a picture, and the 95 % interval of its mean."""
 
-    Attributes
-    ----------
-    unmet_lamps_95 : float
-        What lamps that no camera ray has met may add to the mean, at most.
-    half_interval_95_of_image_mean : float
-    """
-
-    unmet_lamps_95: float
+    unmet_lamps_95: float  # what lamps that no camera ray has met may add to the mean, at most
     half_interval_95_of_image_mean: float
 
     @property
@@ -107,7 +99,9 @@ class MeanCheck:
     brightest_place: float
     unmet_place_95: float
     image_mean_lacks_at_most: float
+    regions_lack_at_most: list[float]
     contradicts: bool
+    region: int | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -256,11 +250,7 @@ class Report(dict[str, Any]):
     def from_dict(cls, held: Mapping[str, Any]) -> Self:
         """Return the report of a dict.
 
-        Raises
-        ------
-        ValueError
-            If it is no report of a render, one of another layout, or of an integrator that is not
-            declared here.
+        Raises ValueError if it is no report of a render, one of another layout, or of an unknown integrator.
         """
         layout = held.get("layout") if isinstance(held, Mapping) else None
         if layout != LAYOUT:

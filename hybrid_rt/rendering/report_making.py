@@ -156,10 +156,7 @@ def _beside(unfound: LightNotFound | None, noise: PictureNoise | None) -> LightN
 def relative_error(
     noise: PictureNoise | None, blur: Blur, blur_stays: bool, error_power: float
 ) -> RelativeError | None:
-    """Return the estimated relative errors of the picture, or None after a single pass.
-
-    ``blur_stays`` and ``error_power`` are those of `hybrid_rt.integrators.Options`.
-    """
+    """Return the estimated relative errors of the picture, or None after a single pass."""
     if noise is None:
         return None
 
@@ -202,9 +199,10 @@ def _noise_and_check(
     lamps, place = twelve_digits(lamps), twelve_digits(place)
     half = max(interval_of_noise(noise) + blur.of_mean_at_most, lamps, place)
     lost = twelve_digits(context.ledger.lost_share())
-    lacks, is_contradicted = missing_light(check, noise, half, lost)
+    missing = missing_light(check, film, noise, half, lost)
+    half = max(half, missing.of_mean)
     of_picture = PictureNoise(
-        **vars(noise), unmet_lamps_95=lamps, half_interval_95_of_image_mean=max(half, lacks)
+        **vars(noise), unmet_lamps_95=lamps, half_interval_95_of_image_mean=half
     )
     estimate = None if check is None else check.mean
     if estimate is None:
@@ -217,8 +215,10 @@ def _noise_and_check(
         of_highlights=estimate.of_highlights,
         brightest_place=estimate.brightest_place,
         unmet_place_95=place,
-        image_mean_lacks_at_most=lacks,
-        contradicts=is_contradicted,
+        image_mean_lacks_at_most=missing.of_mean,
+        regions_lack_at_most=missing.of_regions.tolist(),
+        contradicts=missing.is_contradicted,
+        region=missing.region,
     )
 
 

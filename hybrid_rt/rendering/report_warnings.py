@@ -10,6 +10,7 @@ from hybrid_rt.rendering.report import ClusterFigures, Report
 from hybrid_rt.rendering.units import per_cent
 from hybrid_rt.scene.lint.faults import Faults
 from hybrid_rt.scene.lint.lamps_in_surfaces import lamp_in_words
+from hybrid_rt.sensor.film import ACROSS
 
 # Of the light that was followed: that much cut off is worth a warning.
 MUCH = 0.01
@@ -212,6 +213,15 @@ def _contradicted(report: Report) -> list[str]:
     check, noise = report.cross_check, report.noise
     if check is None or noise is None or not check.contradicts:
         return []
+    if check.region is not None:
+        row, column = divmod(check.region, ACROSS)
+        words = (
+            f"the part of the picture in row {row + 1} and column {column + 1} of {ACROSS} x {ACROSS} lacks light: "
+            f"{check.photons:,} photons add up to {check.regions_lack_at_most[check.region]:.2g} to its mean, by ways that few "
+            "camera rays meet. The relative error does not count it: take ppm, which sends photons from the lamps, "
+            "or pass many more passes"
+        )
+        return [words]
     low, high = check.interval_95
     by_highlights = check.of_highlights > 0.5 * check.mean
     remedy = (
@@ -222,7 +232,7 @@ def _contradicted(report: Report) -> list[str]:
     words = (
         f"the image mean of {noise.image_mean:.3g} lacks light: {check.photons:,} photons say "
         f"{check.mean:.2g} ({low:.2g} to {high:.2g}, 95 %), which comes by ways that few camera rays meet"
-        f"{', as highlights of lamps without area' if by_highlights else ''}. The errors of pixels do not count "
+        f"{', as highlights of lamps without area' if by_highlights else ''}. The relative error does not count "
         f"it: {remedy}"
     )
     return [words]

@@ -50,23 +50,8 @@ def run_passes(
 ) -> str:
     """Add passes in the order of their numbers until a limit is reached; say which.
 
-    Parameters
-    ----------
-    film : Film
-        May hold passes already.
-    workers, limit, clock, progress
-    keeper : Keeper, optional
-        Saves what is done.
-    source : PassSource, optional
-        Default: the workers.
-    watch : Watcher, optional
-    check : CrossCheck, optional
-        An independent estimate of the picture's mean, which targets are held against.
-
-    Raises
-    ------
-    ClusterLost
-        If the source is lost; the film holds what it made.
+    The film may hold passes already. ``source`` makes them, by default the workers; where it is lost, the
+    film holds what it made. Targets are held against ``check``, an independent estimate of the mean.
     """
     camera = workers.context.scene.camera
     n_pixels = camera.width * camera.height
@@ -159,11 +144,10 @@ def _note_errors(film: Film, workers: Workers, limit: Limit, check: CrossCheck |
         noise, blur = film.relative_errors(), workers.blur(film.image)
         is_contradicted = False
         if check is not None and limit.targets:
-            of_mean = film.noise()
-            assert of_mean is not None  # errors are estimated from two passes on
+            of_mean = film.noise_of_mean()
             lost = twelve_digits(Ledger.from_dict(workers.counts().ledger).lost_share())
             half = interval_of_noise(of_mean)
-            _, is_contradicted = missing_light(check, of_mean, half, lost)
+            is_contradicted = missing_light(check, film, of_mean, half, lost).is_contradicted
     # A limit to the blur falls with more passes whatever the blur does.
     own: Options = workers.context.options
     stays = own.blur_stays and blur.relative is not None

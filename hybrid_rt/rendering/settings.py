@@ -34,29 +34,16 @@ P = ParamSpec("P")
 
 
 class Setting(NamedTuple):
-    """What is known of a setting beside its name, type and default.
+    """What is known of a setting beside its name, type and default; its option is empty if it has none."""
 
-    Attributes
-    ----------
-    check : callable, optional
-        Takes a value that is not None and the name; returns the value, or raises ValueError or
-        TypeError. What depends on several settings is in `checked`.
-    metavar, help : str
-        Of its option on the command line; "": it has none.
-    read : callable
-        Takes the text of that option; a ValueError says what to pass.
-    decides : bool
-        Whether it decides the bits of a pass.
-    others : str
-        Names that other programs have for it.
-    """
-
-    check: Callable[[Any, str], Any] | None = None
+    check: Callable[[Any, str], Any] | None = (
+        None  # returns a value that is not None as it is used, or raises
+    )
     metavar: str = ""
     help: str = ""
-    read: Callable[[str], Any] = str
-    decides: bool = False
-    others: str = ""
+    read: Callable[[str], Any] = str  # takes the text of its option; a ValueError says what to pass
+    decides: bool = False  # the bits of a pass
+    others: str = ""  # names that other programs have for it
 
 
 def _setting(default: Any, *known: Any, **more: Any) -> Any:
@@ -128,10 +115,7 @@ def _address(value: Any, _name: str) -> Any:
 
 @dataclass(frozen=True)
 class Settings:
-    """What a picture is made by; the report has it.
-
-    Attributes are those of `hybrid_rt.rendering.render`.
-    """
+    """What a picture is made by; the report has it. Attributes are those of `hybrid_rt.rendering.render`."""
 
     integrator: str = _setting(
         DEFAULT, lambda value, name: checks.choice(value, name, INTEGRATORS), "I",
@@ -249,13 +233,7 @@ class Arguments(Settings):
 
 
 def checked(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values of settings by name, some or all of `Arguments`, as they are used.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If one is unknown or out of range.
-    """
+    """Return values of settings by name, some or all of `Arguments`, as they are used; raise for wrong ones."""
     from hybrid_rt.intersection.intersector import check_settings
 
     known, values = declared_in(Arguments), dict(given)

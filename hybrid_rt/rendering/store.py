@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core import checks
-from hybrid_rt.core.ledger import as_json
+from hybrid_rt.core.plain_records import as_json
 from hybrid_rt.integrators.workers import Counts
 from hybrid_rt.rendering.identity import differences
 from meshing.checks import as_path
@@ -53,29 +53,14 @@ _KNOWN = {IDENTITY, LOCK, *SUMS, *(f"{name}.new" for name in (IDENTITY, *SUMS))}
 
 @dataclass
 class Saved:
-    """What a store holds.
-
-    Attributes
-    ----------
-    passes : int
-    arrays : dict of ndarray
-        Sums of the film and of the blur, by name.
-    counts : Counts
-    limit : dict
-        What the stopping criterion knew.
-    sessions : list of Session
-        One for each call that added passes: when it ``began`` (seconds since 1970), ``passes``
-        (first, stop), ``seconds``, ``kernel_compilation_seconds``, ``threads``.
-    identity : dict
-        What the sums are of, see `PassStore.open`.
-    """
+    """What a store holds: sums of the film and of the blur, and what else a render goes on from."""
 
     passes: int
     arrays: dict[str, NDArray[Any]]
     counts: Counts
-    limit: dict[str, Any]
-    sessions: list[Session] = field(default_factory=list)
-    identity: dict[str, Any] = field(default_factory=dict)
+    limit: dict[str, Any]  # what the stopping criterion knew
+    sessions: list[Session] = field(default_factory=list)  # one for each call that added passes
+    identity: dict[str, Any] = field(default_factory=dict)  # of the sums
 
 
 class StoreError(ValueError):
@@ -83,29 +68,10 @@ class StoreError(ValueError):
 
 
 class PassStore:
-    """See the module.
+    """See the module; the folder is made if it does not exist.
 
-    Parameters
-    ----------
-    folder : path
-        Made if it does not exist.
-    resume : bool
-        Whether to go on with what it holds.
-
-    Raises
-    ------
-    StoreError
-        If the folder is in use by another render, holds passes although ``resume`` is False, or
-        files that are no store's.
-    OSError
-        If nothing can be written there.
-
-    Attributes
-    ----------
-    notes : list of str
-        What was lost, and why; empty if nothing was.
-    not_saved : str
-        Why the latest sums could not be written; "" if they were.
+    Raises StoreError if the folder is in use by another render, holds passes although ``resume`` is False, or
+    files that are no store's; OSError if nothing can be written there.
     """
 
     def __init__(self, folder: str | os.PathLike[str], resume: bool = False) -> None:
@@ -122,7 +88,8 @@ class PassStore:
         self._was_killed = bool(self._lock.read())
         self._has_told = False
         self._lock.seek(0)
-        self._lock.write(f"process {os.getpid()}, {_clock(time.time())}\n".encode())
+        began = time.strftime("%Y-%m-%d %H:%M:%S")
+        self._lock.write(f"process {os.getpid()}, {began}\n".encode())
         self._lock.truncate()
         self._lock.flush()
 
@@ -132,17 +99,9 @@ class PassStore:
         return repr(str(self.folder))
 
     def open(self, identity: Mapping[str, Any]) -> Saved | None:
-        """Return what the store holds of a render, or None if it holds no pass.
+        """Return what the store holds of the render of this `identity`, or None if it holds no pass.
 
-        Parameters
-        ----------
-        identity : dict
-            What decides the bits of a pass: dicts of JSON types by heading.
-
-        Raises
-        ------
-        StoreError
-            If it holds passes of another render; the message says what differs.
+        Raises StoreError if it holds passes of another render; the message says what differs.
         """
         check_folder(self.folder, self._resume)  # nobody else changes it now
         own = self._identity = json.loads(as_json({"format": FORMAT, **identity}))
@@ -442,13 +401,7 @@ def _checksum(content: Any = b"") -> Any:
 
 
 def _read(file: Path | bytes) -> Saved:
-    """Read sums from a file, or from its content.
-
-    Raises
-    ------
-    _DamagedError
-        If they are not what was written.
-    """
+    """Return the sums in a file, or in its content; raise _DamagedError if they are not what was written."""
     content = file if isinstance(file, bytes) else _content(file, None)
     if len(content) <= CHECKSUM:
         raise _DamagedError("it is empty, or cut off")
@@ -471,7 +424,3 @@ def _parsed(content: bytes) -> Saved:
     counts = Counts(**about["counts"])
     names = ("limit", "sessions", "identity")
     return Saved(int(about["passes"]), held, counts, *(about[name] for name in names))
-
-
-def _clock(seconds: float) -> str:
-    return time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(seconds))

@@ -13,11 +13,7 @@ from hybrid_rt.rendering.report import (
     RelativeError,
     Report,
 )
-from hybrid_rt.rendering.report_warnings import (
-    in_up_to,
-    refused_workers,
-    warnings_in_words,
-)
+from hybrid_rt.rendering.report_warnings import in_up_to, refused_workers, warnings_in_words
 from hybrid_rt.rendering.units import duration, passes_in_words, per_cent
 from hybrid_rt.scene.lint.lamps_in_surfaces import lamp_in_words
 from hybrid_rt.sensor.image_metrics import DIM
@@ -41,24 +37,19 @@ _STOPPED_BY = {
 
 def in_words(report: Report) -> str:
     """Format a render's report as a few lines of text."""
-    lines = [_noise(report), _geometry(report), _cost(report), *_cluster(report), _stop(report)]
-    lines += _further(report)
-    warnings = [f"  WARNING   {words}" for words in warnings_in_words(report)]
-    return "\n".join([*warnings, *_lamps(report), *_left_out(report), *lines])
-
-
-def _lamps(report: Report) -> list[str]:
-    return [
+    lines = [f"  WARNING   {words}" for words in warnings_in_words(report)]
+    lines += [
         f"  {'note   ' if note.lifted_by > 0.0 else 'WARNING'}   {lamp_in_words(note)}"
         for note in report.lamps_in_surfaces
     ]
+    lines += [*_left_out(report), _noise(report), _geometry(report), _cost(report)]
+    return "\n".join([*lines, *_cluster(report), _stop(report), *_further(report)])
 
 
 def _left_out(report: Report) -> list[str]:
     """Return what is not in the picture, with its size."""
-    integrator, lines = report.settings.integrator, []
-    for sentence in report.light_not_found:
-        lines.append(f"  left out  {integrator} does not find {sentence}")
+    integrator = report.settings.integrator
+    lines = [f"  left out  {integrator} does not find {text}" for text in report.light_not_found]
     if report.light_not_found:
         lines.append(f"            {_unfound(report.light_not_found_measured)}")
     return [*lines, *_cut_off(report)]
@@ -131,11 +122,10 @@ def _not_met(report: Report) -> str:
     if dark:
         share = per_cent(dark)
         text += f"\n            {share} of the pixels are black in every pass, and count as without noise"
-    is_warned = report.points_missed_by_photons > 0
-    n_dark = 0
-    if photons is not None and not is_warned:
-        n_dark = photons.points_without_photons - photons.points_with_shown_photons_alone
-    if photons is not None and n_dark > 0:
+    if photons is None or report.points_missed_by_photons > 0:  # which is warned of
+        return text
+    n_dark = photons.points_without_photons - photons.points_with_shown_photons_alone
+    if n_dark > 0:
         share = per_cent(n_dark / photons.gather_points)
         text += (
             f"\n            {share} of the points that gather light met no photon in their pass: noise "
@@ -150,22 +140,16 @@ def _noise(report: Report) -> str:
         return "  noise     unknown after a single pass"
     at_most = "at most about " if noise.errs_on_the_safe_side else ""
     half = noise.half_interval_95_of_image_mean
+    unmet = (
+        "\n            the interval allows for ways to the brightest lamp or place that no camera ray has "
+        "taken yet, in mirrors or glass, as a speck or behind an opening: more passes narrow it"
+    )
     return (
         f"  noise     {at_most}{per_cent(noise.relative_rmse)} of the picture (relative RMSE, "
         f"estimated); image mean{', blurred,' if report.picture_is_blurred else ''}"
         f"{of_what(report)} {noise.image_mean:.6g} +- {half:.1g} (95 %)"
-        f"{_unmet(report)}{_worst_pixels(noise, report.settings.integrator)}"
+        f"{unmet if report.unmet_decides else ''}{_worst_pixels(noise, report.settings.integrator)}"
         f"{_scale(noise) or _dark(noise, report.settings)}{_not_met(report)}{_blur(error)}"
-    )
-
-
-def _unmet(report: Report) -> str:
-    """Return what of the interval is for lamps that no camera ray has met, if that decides it."""
-    if not report.unmet_decides:
-        return ""
-    return (
-        "\n            the interval allows for ways to the brightest lamp or place that no camera ray has "
-        "taken yet, in mirrors or glass, as a speck or behind an opening: more passes narrow it"
     )
 
 
@@ -182,14 +166,11 @@ def _worst_pixels(noise: PictureNoise, integrator: str) -> str:
     return (
         f"\n            {per_cent(noise.relative_rmse_trimmed)} without the worst 0.1 % of the "
         f"pixels, which hold {per_cent(noise.worst_pixels_share_of_squared_error)} of the "
-        f"squared error{_if_few_decide(noise, integrator)}"
+        f"squared error{_caution(noise, integrator) if noise.few_decide else ''}"
     )
 
 
-def _if_few_decide(noise: PictureNoise, integrator: str) -> str:
-    """Return a caution if the noise of all pixels is that of a few bright specks."""
-    if not noise.few_decide:
-        return ""
+def _caution(noise: PictureNoise, integrator: str) -> str:
     text = ":\n            so few pixels decide the first figure that it is rough; "
     if noise.rises:
         return text + (
@@ -314,8 +295,12 @@ def _stop(report: Report) -> str:
     error, settings = report.relative_error, report.settings
     text = (
         f"  stopped   by {_STOPPED_BY[report.stopped_by]}, after {passes_in_words(report.passes)}, "
-        f"{report.total_seconds:.2f} s{_in_this_call(report)}"
+        f"{report.total_seconds:.2f} s"
     )
+    store = report.store
+    if store is not None and store.passes_before:
+        now = store.sessions[-1]["seconds"]
+        text += f" in {len(store.sessions)} calls ({now:.2f} s in this one)"
     if error is None:
         return text
     noise, blur, at_most = error.noise, error.blur, error.blur_at_most
@@ -340,14 +325,6 @@ def _stop(report: Report) -> str:
     return text
 
 
-def _in_this_call(report: Report) -> str:
-    """Return what of the seconds is of this call, if it went on from earlier ones."""
-    store = report.store
-    if store is None or not store.passes_before:
-        return ""
-    return f" in {len(store.sessions)} calls ({store.sessions[-1]['seconds']:.2f} s in this one)"
-
-
 def _spills(report: Report) -> bool:
     """Tell whether the target without the worst pixels is met, but will not be after more passes."""
     error, target = report.relative_error, report.settings.target_error_trimmed
@@ -361,11 +338,7 @@ def _further(report: Report) -> list[str]:
     found = further(report)
     if found is None:
         return []
-    what = f"{per_cent(found.target)}{_of_which_pixels(found.option)}"
+    trimmed = "" if found.option == "target_error" else " without the worst 0.1 % of the pixels"
     cost = f"{found.passes:,} passes in all, {duration(found.seconds)}"
-    option = found.option.replace("_", " ")
-    return [f"  further   {what} takes about {cost}: {option} {found.target:g}"]
-
-
-def _of_which_pixels(name: str) -> str:
-    return "" if name == "target_error" else " without the worst 0.1 % of the pixels"
+    option = f"{found.option.replace('_', ' ')} {found.target:g}"
+    return [f"  further   {per_cent(found.target)}{trimmed} takes about {cost}: {option}"]

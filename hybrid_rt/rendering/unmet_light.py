@@ -13,22 +13,26 @@ well. Photons tell how bright the brightest one is; see `hybrid_rt.integrators.p
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hybrid_rt.core.records import BoolArray
+from hybrid_rt.core.records import BoolArray, FloatArray
 from hybrid_rt.lights.surface import shining_surface
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
-from hybrid_rt.sensor.film import Film, Noise
-from hybrid_rt.sensor.intervals import half_interval_of_mean
+from hybrid_rt.sensor.film import OVERFLOWS, REGIONS, Film, MeanNoise, regions_of
+from hybrid_rt.sensor.intervals import half_interval_of_mean, score_limits
+from hybrid_rt.sensor.passes import GROUPS, RUN
 from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
 from hybrid_rt.shading.kernels.lobes.register import DIFFUSE, FOLLOWED
 from hybrid_rt.shading.kernels.texture import CONSTANT
 
 if TYPE_CHECKING:
-    from hybrid_rt.integrators.photons.cross_check import CrossCheck
+    from hybrid_rt.integrators.photons.cross_check import CrossCheck, MeanEstimate
+    from hybrid_rt.rendering.report import MeanCheck
 
 OF_NONE_MET = 3.0
 # A lamp in the picture that so many camera rays meet in the mean is no speck.
@@ -38,6 +42,11 @@ ACROSS = 16
 # A pixel that holds so much of the radiance of the brightest place has met it: what lies between them
 # reflects about as much.
 MET = 0.3
+# One of all regions is beyond these normal quantiles as rarely as one estimate beyond those of 95 % and
+# of one in a thousand.
+QUANTILES = 2.955, 3.836
+# By this share photons and paths may differ: shading normals are not the same for both.
+ALIKE = 0.05
 
 
 def unmet_light(
@@ -97,7 +106,7 @@ def unmet_place(scene: CompiledScene, check: CrossCheck | None, film: Film, n_ra
     return 0.0 if film.highest_sum >= MET * highest else OF_NONE_MET * highest / n_rays
 
 
-def interval_of_noise(noise: Noise) -> float:
+def interval_of_noise(noise: MeanNoise) -> float:
     """Return half the 95 % interval of the image mean that its noise gives."""
     return half_interval_of_mean(
         noise.standard_error_of_image_mean,
@@ -106,37 +115,88 @@ def interval_of_noise(noise: Noise) -> float:
     )
 
 
+@dataclass(frozen=True)
+class Missing:
+    """What a picture lacks by an independent estimate.
+
+    Attributes
+    ----------
+    of_mean : float
+        What its mean lacks at most: to the upper end of the estimate's 95 % interval, of the whole or of
+        all regions together, where the lower end is above the picture's; else 0.
+    of_regions : (REGIONS,) float64
+        What the mean of each region lacks, likewise.
+    is_contradicted : bool
+        Whether even the limit that one estimate of a thousand is beyond is above the mean, or one of a region.
+    region : int or None
+        The region that lacks the most, if none but regions are contradicted.
+    """
+
+    of_mean: float
+    of_regions: FloatArray
+    is_contradicted: bool
+    region: int | None
+
+
 def missing_light(
-    check: CrossCheck | None, noise: Noise | None, half: float, lost_share: float
-) -> tuple[float, bool]:
-    """Return how much the mean of a picture may lack by an independent estimate, and whether it must.
+    check: CrossCheck | None, film: Film, noise: MeanNoise, half: float, lost_share: float
+) -> Missing:
+    """Return what a picture may lack by an independent estimate.
 
     An estimate by few photons that says so is repeated with more.
 
     Parameters
     ----------
     check : CrossCheck, optional
-    noise : Noise, optional
+    film : Film
+    noise : MeanNoise
     half : float
         Half the interval of the mean so far.
     lost_share : float
         What limits of depth cut off of what paths carried. Photons and the camera rays that gather
         them have a limit each, so together they find a part of it.
-
-    Returns
-    -------
-    lacks : float
-        To the upper end of the estimate's 95 % interval, where its lower end is above that of the mean; else 0.
-    is_contradicted : bool
-        Whether even the limit that one estimate of a thousand is beyond is above it.
     """
-    if check is None or check.mean is None or noise is None:
-        return 0.0, False
-    highest = (noise.image_mean + half) * (1.0 + lost_share)
-    if check.mean.low > highest:
-        check.repeat()
-    lacks = check.mean.high - noise.image_mean if check.mean.low > highest else 0.0
-    return lacks, check.mean.least > highest
+    if check is None or check.mean is None:
+        return Missing(0.0, np.zeros(REGIONS), False, None)
+    missing = _missing(check.mean, film, noise.image_mean, half, lost_share)
+    if missing.of_mean > 0.0 and check.repeat():
+        missing = _missing(check.mean, film, noise.image_mean, half, lost_share)
+    return missing
+
+
+@OVERFLOWS
+def _missing(
+    estimate: MeanEstimate, film: Film, mean: float, half: float, lost_share: float
+) -> Missing:
+    highest = (mean + half) * (1.0 + lost_share)
+    of_mean = estimate.high - mean if estimate.low > highest else 0.0
+    is_contradicted, region, of_regions = estimate.least > highest, None, np.zeros(REGIONS)
+    if film.n_passes >= GROUPS * RUN:
+        found, variance, event = film.regions()
+        # A region that no bright path has met may lack those that others show: no need for a warning.
+        of_all = (event * variance).sum() / (variance.sum() or 1.0)
+        lacks, lacks_much = (
+            estimate.least_of_regions(quantile)
+            > (1.0 + lost_share + ALIKE)
+            * (found + score_limits(quantile * np.sqrt(variance), events, quantile)[1])
+            for quantile, events in zip(QUANTILES, (event, np.maximum(event, of_all)), strict=True)
+        )
+        of_regions[lacks] = (estimate.most_of_regions(QUANTILES[0]) - found)[lacks]
+        of_mean = max(of_mean, float(of_regions.mean()))
+        if lacks_much.any() and not is_contradicted:
+            region, is_contradicted = int(np.where(lacks_much, of_regions, 0.0).argmax()), True
+    return Missing(of_mean, of_regions, is_contradicted, region)
+
+
+def with_unmet_light(half: NDArray[np.float32], check: MeanCheck) -> NDArray[np.float32]:
+    """Return half the intervals of pixels, no less than what they may lack.
+
+    What the whole picture may lack may lie in all pixels, and what a region lacks in its own.
+    """
+    of_all = max(check.unmet_place_95, check.image_mean_lacks_at_most)
+    least = np.maximum(check.regions_lack_at_most, of_all).astype(np.float32)
+    wide: NDArray[np.float32] = least[regions_of(*half.shape[:2])][:, :, None]
+    return np.maximum(half, wide)
 
 
 def _meets_mirrors(scene: CompiledScene, ends_at_matt: bool) -> bool:

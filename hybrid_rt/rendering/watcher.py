@@ -91,10 +91,11 @@ class Watcher(Protocol):
 
 def check_watcher(watch: Watcher) -> Watcher:
     """Return a watcher; raise TypeError if it lacks what a render asks of one."""
-    names = ("film_lock", "stop_asked", "begin", "note_rays", "note", "end")
-    missing = [name for name in names if not checks.has(watch, name)]
+    missing = [name for name in ("film_lock", "stop_asked") if not checks.has(watch, name)]
     missing += [
-        name for name in names[2:] if name not in missing and not callable(getattr(watch, name))
+        name
+        for name in ("begin", "note_rays", "note", "end")
+        if not checks.has(watch, name) or not callable(getattr(watch, name))
     ]
     if missing:
         raise TypeError(

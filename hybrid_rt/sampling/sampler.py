@@ -26,17 +26,7 @@ MOST_JOINT = len(_JOE_KUO) + 1
 class Sampler:
     """Owen-scrambled Sobol points; the pass number is the sample number.
 
-    Parameters
-    ----------
-    seed : int
-        From 0 to 2**64 - 1.
-    pool : Pool, optional
-        Threads for long batches; they change no result.
-
-    Raises
-    ------
-    ValueError
-        If the seed is out of range.
+    Threads of the pool, for long batches, change no result.
     """
 
     def __init__(self, seed: int, pool: Pool | None = None) -> None:
@@ -52,44 +42,19 @@ class Sampler:
     def points(
         self, pixel: UIntArray, dimension: UIntArray | int, pass_number: UIntArray | int
     ) -> FloatArray:
-        """Return one point of the unit square for each pixel.
+        """Return one point of the unit square for each pixel of the whole image, (n, 2).
 
-        Parameters
-        ----------
-        pixel : (n,) uint64
-            Number of the pixel in the whole image.
-        dimension : (n,) uint64 or int
-            Different uses need different dimensions.
-        pass_number : (n,) uint64 or int
-            From 0 to 2**32 - 1, after which they repeat; the passes of one (pixel, dimension) are
-            well distributed in the square.
-
-        Returns
-        -------
-        (n, 2) float64 in [0, 1)
+        Different uses need different dimensions. Passes are numbered from 0 to 2**32 - 1, after which they repeat;
+        those of one (pixel, dimension) are well distributed in the square.
         """
         point: FloatArray = self.several(pixel, dimension, pass_number, 1)[0]
         return point
 
     def joint(self, pixel: UIntArray, dimension: int, number: UIntArray, width: int) -> FloatArray:
-        """Return points of Sobol sequences in ``width`` dimensions.
+        """Return points ``number`` of Sobol sequences in up to `MOST_JOINT` dimensions, (n, width).
 
         If the integrand depends on all coordinates together, this beats several 2D `points`, which
-        are padded: well distributed in each square, but combined at random.
-
-        Parameters
-        ----------
-        pixel : (n,) uint64
-        dimension : int
-            Key of the sequence, with ``pixel``.
-        number : (n,) uint64 below 2**32
-            Index in the sequence.
-        width : int
-            From 1 to `MOST_JOINT`; the first coordinates are distributed best.
-
-        Returns
-        -------
-        (n, width) float64 in [0, 1)
+        are padded: well distributed in each square, but combined at random. The first are distributed best.
         """
         points = np.empty((number.size, width))
         joint_points(self._seed, number, pixel, np.uint64(dimension), _TABLES, points)
@@ -102,10 +67,7 @@ class Sampler:
         pass_number: UIntArray | int,
         n_dimensions: int,
     ) -> FloatArray:
-        """Return the points of consecutive dimensions, (n_dimensions, n, 2).
-
-        Parameters are those of `points`; ``dimension`` is the first.
-        """
+        """Return the `points` of consecutive dimensions from ``dimension`` on, (n_dimensions, n, 2)."""
         points = np.empty((n_dimensions, pixel.size, 2))
         dimensions, samples = _for_all(dimension, pixel.size), _for_all(pass_number, pixel.size)
 
@@ -121,11 +83,7 @@ def _for_all(number: UIntArray | int, n: int) -> UIntArray:
 
 
 def _byte_tables() -> UIntArray:
-    """Return what each byte of an index contributes to Sobol's coordinates, turned round.
-
-    Turned round, the lowest bit counts one half: as `hybrid_rt.sampling.kernels.sobol.joint_points`
-    wants.
-    """
+    """Return what each byte of an index contributes to Sobol's coordinates, the lowest bit for one half."""
     tables = np.zeros((MOST_JOINT, 4, 256), dtype=np.uint64)
     for row, table in enumerate(tables):
         # Each number has its digits after the point: the k-th one k of them.

@@ -24,14 +24,7 @@ LEAST_SINE = 1e-4
 
 
 def may_share_ring(one: SurfaceOfRevolution, other: SurfaceOfRevolution, slack: float) -> bool:
-    """Tell whether two surfaces may coincide in part; True if that is not known.
-
-    Parameters
-    ----------
-    one, other : SurfaceOfRevolution
-    slack : float
-        Distance up to which points count as coincident, scene units.
-    """
+    """Tell whether two surfaces may coincide in part, within ``slack``; True if that is not known."""
     # Weights would have to be halved with the points.
     if one.is_rational or other.is_rational:
         return True
@@ -95,8 +88,7 @@ def _meet(a: FloatArray, b: FloatArray, slack: float) -> BoolArray:
 def _cross(a: FloatArray, b: FloatArray) -> BoolArray:
     """Tell for pairs of curves whether no tangent of one is parallel to one of the other.
 
-    Tangents are positive combinations of the steps between Bezier points, so their cross products
-    are positive combinations of those of the steps.
+    Products of tangents are positive combinations of those of the steps between Bezier points.
     """
     one, other = np.diff(a, axis=1)[:, :, None], np.diff(b, axis=1)[:, None]
     products = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]

@@ -12,9 +12,9 @@ import numpy as np
 
 from hybrid_rt.core.checks import FARTHEST
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
-from hybrid_rt.lights.light import Environment, LightRow
+from hybrid_rt.lights.light import BLACK, Environment, LightRow
 from hybrid_rt.lights.surface import ShiningSurface, shining_surface, with_shape
-from hybrid_rt.lights.table import compile_environment, compile_lights
+from hybrid_rt.lights.table import compile_lights
 from hybrid_rt.lights.unevenness import Brightness, brightness
 from hybrid_rt.materials.material import Material
 from hybrid_rt.materials.table import color_factor, compile_materials
@@ -35,52 +35,28 @@ NOTHING = -1
 
 @dataclass(frozen=True)
 class CompiledScene:
-    """A scene in the form that integrators and kernels take.
-
-    Attributes
-    ----------
-    surfaces : list
-        Surfaces of the intersector: first the objects, then the lights that rays can hit.
-    names : list of str
-        The name of each object, or its place: "objects[3] (a Sphere)".
-    called : list of str
-        The same in messages: "object 'lamp'", or the place.
-    material_of : (surfaces,) int32
-        Row in ``lobes.first`` of each surface; `NOTHING` for lights.
-    light_of : (surfaces,) int32
-        Row in ``lights`` of each emissive surface; `NOTHING` for others.
-    surface_of_light : (lights,) int32
-        Index in ``surfaces`` of each light; `NOTHING` if rays cannot hit it.
-    color_factor : (lobes,) float64
-        Factor on the colour of each lobe.
-    glass_of : (materials,) int32
-        The dielectric lobe of each material; `NOTHING` if it has none.
-    power : (lights,) float64
-        Emitted power of each light, mean of the channels.
-    shining : dict
-        The `ShiningSurface` of each light of kind `SURFACE`, by row in ``lights``.
-    vertex_normals : dict
-        Vertex normals (vertices, 3) float64 of smooth meshes, by index in ``surfaces``.
-    """
+    """A scene in the form that integrators and kernels take."""
 
     camera: Projection
     environment: Environment | None  # None as well if it is black
-    surfaces: list[Any]
-    names: list[str]
-    called: list[str]
-    material_of: IntArray
-    light_of: IntArray
-    surface_of_light: IntArray
+    surfaces: list[Any]  # of the intersector: first the objects, then the lights that rays can hit
+    names: list[str]  # of each object; if it has none, its place: "objects[3] (a Sphere)"
+    called: list[str]  # the same in messages: "object 'lamp'", or the place
+    material_of: IntArray  # (surfaces,), row in ``lobes.first``; `NOTHING` for lights
+    light_of: IntArray  # (surfaces,), row in ``lights``; `NOTHING` if it does not shine
+    surface_of_light: IntArray  # (lights,), index in ``surfaces``; `NOTHING`: rays cannot hit it
     lobes: LobeTable
-    color_factor: FloatArray
-    glass_of: IntArray
+    color_factor: FloatArray  # (lobes,), on the colour of each
+    glass_of: IntArray  # (materials,), the dielectric lobe of each; `NOTHING` if it has none
     textures: TextureTable
     lights: LightTable
-    power: FloatArray
-    shining: dict[int, ShiningSurface]
+    power: FloatArray  # (lights,), emitted power, mean of the channels
+    shining: dict[int, ShiningSurface]  # of lights of kind `SURFACE`, by row in ``lights``
     sky: EnvironmentTable
     brightness: Brightness  # of the sky
-    vertex_normals: dict[int, FloatArray]
+    vertex_normals: dict[
+        int, FloatArray
+    ]  # (vertices, 3) of smooth meshes, by index in ``surfaces``
 
     @property
     def n_lights(self) -> int:
@@ -89,10 +65,7 @@ class CompiledScene:
 
     @cached_property
     def widths(self) -> FloatArray:
-        """(surfaces,) float64: the second longest side of the box around each; inf if it is endless.
-
-        It tells how wide a flat or a long body is.
-        """
+        """(surfaces,): the second longest side of the box around each, how wide a flat or long body is."""
         return np.array(
             [
                 np.sort(np.ptp(s.bounds, axis=0))[1] if s.is_bounded else np.inf
@@ -129,17 +102,9 @@ class CompiledScene:
         }
 
     def lobes_with(self, traits: int) -> BoolArray:
-        """Return which lobes of each material have at least one of these traits.
+        """Return which lobes of each material have one of these traits, (materials + 1, most lobes) bool.
 
-        Parameters
-        ----------
-        traits : int
-            Bits of `hybrid_rt.shading.kernels.lobes.register`.
-
-        Returns
-        -------
-        (materials + 1, most lobes of a material) bool
-            The last row is for `NOTHING` and is False.
+        The last row is for `NOTHING` and is False.
         """
         first = self.lobes.first
         marks = np.zeros((first.size, int(np.diff(first).max(initial=0))), dtype=np.bool_)
@@ -158,13 +123,7 @@ class CompiledScene:
 
 
 def compile_scene(scene: Scene) -> CompiledScene:
-    """Lay a scene out in flat tables.
-
-    Raises
-    ------
-    ValueError
-        If an object's settings do not fit together (its name is in the message).
-    """
+    """Lay a scene out in flat tables; errors name the object whose settings do not fit together."""
     surfaces = [item.surface for item in scene.objects]
     places = [f"objects[{i}] (a {type(x).__name__})" for i, x in enumerate(surfaces)]
     names = [item.name for item in scene.objects]
@@ -205,11 +164,12 @@ def compile_scene(scene: Scene) -> CompiledScene:
     n_before = textures.kind.size - len(pictures)
     numbers = iter(range(n_before, textures.kind.size))
     texture_of = [NOTHING if row.texture is None else next(numbers) for row in rows]
-    environment, sky = scene.environment, compile_environment(scene.environment)
+    environment = scene.environment
+    sky = BLACK if environment is None else environment.table
     shines = brightness(sky)
     if shines.mean == 0.0:
         # Else as many light samples would go to a black sky as to a lamp.
-        environment, sky = None, compile_environment(None)
+        environment, sky = None, BLACK
     return CompiledScene(
         camera=scene.camera,
         environment=environment,
@@ -247,7 +207,7 @@ def _shining_object(
     item: Object, radiance: Texture, called: str
 ) -> tuple[LightRow, ShiningSurface | None]:
     """Return the light that an object is, and what chooses its points unless the kernels do."""
-    surface, nothing = item.surface, np.zeros(3)
+    surface = item.surface
     if surface.is_bounded and not surface.size <= FARTHEST:
         raise ValueError(
             f"{called} shines and is {surface.size:g} across: lamps may be up to {FARTHEST:g}"
@@ -258,16 +218,15 @@ def _shining_object(
         raise ValueError(f"{called} {error}") from error
     # A plane has no end: scattered rays find it, but nothing is chosen on it.
     area = 0.0 if chooser is None else chooser.area
-    strength = radiance.brightest
-    is_even = isinstance(radiance, ConstantTexture)
+    nothing = np.zeros(3)
     row = LightRow(
         kind=SURFACE,
         origin=nothing,
         edge_u=nothing,
         edge_v=nothing,
-        strength=strength,
-        texture=None if is_even else radiance,
+        strength=radiance.brightest,
+        texture=None if isinstance(radiance, ConstantTexture) else radiance,
         power=math.pi * area * float(radiance.mean.mean()),
     )
-    row = with_shape(surface, row, is_even)
+    row = with_shape(surface, row)
     return row, chooser if row.kind == SURFACE else None

@@ -21,21 +21,10 @@ ACROSS = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3.0
 def points_of_lamps(
     scene: CompiledScene, lights: Sequence[int]
 ) -> dict[int, tuple[FloatArray, FloatArray]]:
-    """Return points of lamps, by row in the light table.
+    """Return points of lamps (n, 3), and vectors to their dark side, by row in the light table.
 
-    There are 256 of each lamp, fewer if there are many lamps; of a lamp without area its place three
-    times; of a plane none.
-
-    Parameters
-    ----------
-    scene : CompiledScene
-    lights : sequence of int
-
-    Returns
-    -------
-    dict of (points, inward)
-        Both (n, 3) float64. ``inward`` points to the dark side, of the lamp's size; of a lamp without
-        area, in three directions at right angles.
+    There are 256 of each lamp, fewer if there are many lamps; of a lamp without area its place, with vectors in
+    three directions at right angles; of a plane none. The vectors are as long as the lamp.
     """
     n = min(max(MOST_POINTS // max(len(lights), 1), FEWEST_POINTS), POINTS)
     found = {int(light): _points(scene, int(light), n) for light in lights}

@@ -15,23 +15,6 @@ from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
 from hybrid_rt.shading.kernels.lobes.register import DELTA, FOLLOWED, SPREADS, TRANSMITS, WIDE
 from hybrid_rt.textures.table import needs_lookup
 
-# The decision that each of these modules of kernels is for; those of others always run.
-KERNELS_FOR = {
-    "hybrid_rt.shading.kernels.environment": "sky samples",
-    "hybrid_rt.shading.kernels.fresnel": "glass rays",
-    "hybrid_rt.integrators.kernels.ball_optics": "light paths",
-    "hybrid_rt.integrators.kernels.connections": "light paths",
-    "hybrid_rt.integrators.kernels.density_estimate": "photons",
-    "hybrid_rt.integrators.kernels.followed_paths": "single rays",
-    "hybrid_rt.integrators.kernels.light_paths": "light paths",
-    "hybrid_rt.integrators.kernels.path_batches": "rays in batches",
-    "hybrid_rt.integrators.kernels.photon_emission": "photons",
-    "hybrid_rt.integrators.kernels.photon_steps": "photons",
-    "hybrid_rt.integrators.kernels.connection_weights": "light paths",
-    "hybrid_rt.shading.kernels.medium_stack": "medium stack",
-    "hybrid_rt.shading.kernels.texture": "texture lookups",
-}
-
 
 class Needs(Protocol):
     """What an integrator does in any scene; see `hybrid_rt.integrators.declaration`."""

@@ -55,11 +55,7 @@ class Object:
     """
 
     def __init__(
-        self,
-        surface: Surface,
-        material: Material,
-        name: str | None = None,
-        smooth: bool = False,
+        self, surface: Surface, material: Material, name: str | None = None, smooth: bool = False
     ) -> None:
         if name is not None and not isinstance(name, str):
             raise TypeError(f"Object name is {checks.shown(name)}: pass a word, or None")

@@ -11,7 +11,7 @@ from hybrid_rt.core import checks
 from hybrid_rt.core.one_line import call
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.core.suggestions import explains
-from hybrid_rt.sensor.projection import Projection
+from hybrid_rt.sensor.projection import MEANT, Projection
 
 # A lens wider than this, in distances of the sharp plane, leaves no digits of where rays meet there.
 WIDEST_LENS = 1e6
@@ -23,10 +23,7 @@ WIDEST_LENS = 1e6
     focal_distance="focus_distance",
     focal_length="vertical_fov = 2 atan(h / (2 focal_length)), in degrees, h the height of the sensor",
     fstop="aperture, the diameter of the lens: focal length / f-number",
-    resolution="width and height",
-    position="look_from",
-    origin="look_from",
-    target="look_at",
+    **MEANT,
 )
 class Camera(Projection):
     """A pinhole camera, or one with a thin lens if ``aperture`` is positive.
@@ -88,16 +85,8 @@ class Camera(Projection):
         lens = {}
         if self.has_lens:
             lens = {"aperture": self.aperture, "focus_distance": self.focus_distance}
-        return call(
-            self,
-            self.look_from,
-            self.look_at,
-            self.up,
-            vertical_fov=self.vertical_fov,
-            width=self.width,
-            height=self.height,
-            **lens,
-        )
+        named = {"vertical_fov": self.vertical_fov, "width": self.width, "height": self.height}
+        return call(self, self.look_from, self.look_at, self.up, **named, **lens)
 
     @property
     def has_lens(self) -> bool:

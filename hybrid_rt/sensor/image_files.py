@@ -8,13 +8,13 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core import exr
-from hybrid_rt.core.ledger import as_json
+from hybrid_rt.core.plain_records import as_json
 from hybrid_rt.sensor.color import screen_pixels
 from meshing.checks import as_path, number
 from meshing.outputs import check_writable, replacing
@@ -72,8 +72,8 @@ def save_image(
         raise ValueError(f"image has shape {np.shape(image)}: pass (height, width, 3)")
     text = as_json(report)
     with replacing(target) as file:
-        write = WRITERS[target.suffix.lower()]
-        write(file, image, text, channels or {}, exposure, parts or {})
+        content = _Content(image, text, channels or {}, exposure, parts or {})
+        WRITERS[target.suffix.lower()](file, content)
     sidecar = sidecar_of(target)
     with replacing(sidecar) as file:
         file.write(text.encode())
@@ -109,10 +109,7 @@ def check_output(path: str | os.PathLike[str], keys: Iterable[str] = ()) -> Path
 
 
 def _check_sidecar(file: Path, keys: Iterable[str]) -> None:
-    """Raise FileExistsError if a file holds no report of ours.
-
-    A user names the picture, and may have another program's file of the report's name beside it.
-    """
+    """Raise FileExistsError if a file holds no report of ours: the user has named the picture alone."""
     if not file.exists():
         return
     held: Any = None
@@ -131,52 +128,41 @@ def is_report(held: dict[str, Any]) -> bool:
     return isinstance(versions, dict) and "hybrid_rt" in versions
 
 
-def _write_png(
-    file: BinaryIO,
-    image: NDArray[np.float32],
-    _report: str,
-    _channels: Channels,
-    exposure: float,
-    _parts: Parts,
-) -> None:
+class _Content(NamedTuple):
+    """What a file is to hold, as `save_image` takes it; the report is text."""
+
+    image: NDArray[np.float32]
+    report: str
+    channels: Channels
+    exposure: float
+    parts: Parts
+
+
+def _write_png(file: BinaryIO, of: _Content) -> None:
     import imageio.v3 as imageio
 
-    imageio.imwrite(file, screen_pixels(image, exposure), extension=".png")
+    imageio.imwrite(file, screen_pixels(of.image, of.exposure), extension=".png")
 
 
-def _write_npz(
-    file: BinaryIO,
-    image: NDArray[np.float32],
-    report: str,
-    channels: Channels,
-    _exposure: float,
-    _parts: Parts,
-) -> None:
-    arrays: dict[str, NDArray[Any]] = {"image": image, "report": np.array(report), **channels}
+def _write_npz(file: BinaryIO, of: _Content) -> None:
+    arrays = {"image": of.image, "report": np.array(of.report), **of.channels}
     np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
-def _write_exr(
-    file: BinaryIO,
-    image: NDArray[np.float32],
-    report: str,
-    channels: Channels,
-    _exposure: float,
-    parts: Parts,
-) -> None:
+def _write_exr(file: BinaryIO, of: _Content) -> None:
     import OpenEXR
 
-    planes = {name: image[:, :, k] for k, name in enumerate("RGB")}
-    for name, values in channels.items():
+    planes = {name: of.image[:, :, k] for k, name in enumerate("RGB")}
+    for name, values in of.channels.items():
         if values.ndim == 2:
             planes[name] = values
         else:
-            letters = parts.get(name, "RGB")
+            letters = of.parts.get(name, "RGB")
             planes |= {f"{name}.{part}": values[:, :, k] for k, part in enumerate(letters)}
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
-        "hybrid_rt": report,
+        "hybrid_rt": of.report,
     }
     contiguous = {name: np.ascontiguousarray(plane) for name, plane in planes.items()}
     try:
@@ -186,7 +172,8 @@ def _write_exr(
         raise OSError(str(error).strip(". ").rpartition(". ")[2]) from error
 
 
-Writer = Callable[[BinaryIO, NDArray[np.float32], str, Channels, float, Parts], None]
-
-
-WRITERS: dict[str, Writer] = {".png": _write_png, ".npz": _write_npz, ".exr": _write_exr}
+WRITERS: dict[str, Callable[[BinaryIO, _Content], None]] = {
+    ".png": _write_png,
+    ".npz": _write_npz,
+    ".exr": _write_exr,
+}

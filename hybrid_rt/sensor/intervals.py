@@ -8,8 +8,6 @@ the coverage.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -116,8 +114,25 @@ def half_interval_of_mean(standard_error: float, factor: float, bright: float) -
     ----------
     Wilson, "Probable inference, the law of succession, and statistical inference", JASA 1927.
     """
-    skewed = 0.5 * TWO_SIDED**2 * bright
-    return skewed + math.hypot(factor * standard_error, skewed)
+    return float(score_limits(factor * standard_error, bright, TWO_SIDED)[1])
+
+
+def score_limits(
+    reach: FloatArray | float, event: FloatArray | float, quantile: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return how far the score interval of a sum of rare events reaches to both sides of it.
+
+    Parameters
+    ----------
+    reach : float64
+        The quantile times the standard error.
+    event : float64
+        What one event adds: the third moment over the second.
+    quantile : float
+    """
+    skewed = 0.5 * quantile**2 * np.asarray(event)
+    half = np.hypot(reach, skewed)
+    return skewed - half, skewed + half
 
 
 def _score_limit(
@@ -129,9 +144,8 @@ def _score_limit(
     """
     event = np.divide(cube, square, out=np.zeros_like(cube), where=cube > 0.0) / n
     variance = np.maximum(square - mean * mean, 0.0) / n
-    skewed = 0.5 * ONE_SIDED**2 * event
-    limit: FloatArray = mean + skewed + np.sqrt(ONE_SIDED**2 * variance + skewed * skewed)
-    return np.maximum(limit, 0.0)
+    _, upper = score_limits(ONE_SIDED * np.sqrt(variance), event, ONE_SIDED)
+    return np.maximum(mean + upper, 0.0)
 
 
 def _decades(lowest: FloatArray) -> NDArray[np.int64]:

@@ -33,12 +33,6 @@ def sums_around(planes: FloatArray, reach: int) -> FloatArray:
 
     Sums of 1, 2, 4, ... neighbours are put together. Unlike differences of sums from the border on,
     they neither round more than the square does nor carry inf and nan out of it.
-
-    Parameters
-    ----------
-    planes : (height, width, n) float64
-    reach : int
-        Pixels to either side.
     """
     total = planes
     for axis in (0, 1):

@@ -11,7 +11,7 @@ from hybrid_rt.core import checks
 from hybrid_rt.core.one_line import call
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.core.suggestions import explains
-from hybrid_rt.sensor.projection import Projection
+from hybrid_rt.sensor.projection import MEANT, Projection
 
 
 @explains(
@@ -20,10 +20,7 @@ from hybrid_rt.sensor.projection import Projection
     zoom="view_height, the height of what is seen",
     vertical_fov="view_height, scene units: the rays are parallel",
     fov="view_height, scene units: the rays are parallel",
-    resolution="width and height",
-    position="look_from",
-    origin="look_from",
-    target="look_at",
+    **MEANT,
 )
 class OrthographicCamera(Projection):
     """A camera of parallel rays: things look as large as they are, however far away.
@@ -70,15 +67,8 @@ class OrthographicCamera(Projection):
 
     def __repr__(self) -> str:
         """Return the call that makes it."""
-        return call(
-            self,
-            self.look_from,
-            self.look_at,
-            self.up,
-            view_height=self.view_height,
-            width=self.width,
-            height=self.height,
-        )
+        named = {"view_height": self.view_height, "width": self.width, "height": self.height}
+        return call(self, self.look_from, self.look_at, self.up, **named)
 
     @property
     def reach(self) -> float:

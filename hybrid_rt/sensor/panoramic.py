@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from hybrid_rt.core.one_line import call
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.core.suggestions import explains
-from hybrid_rt.sensor.projection import Projection
+from hybrid_rt.sensor.projection import MEANT, Projection
 
 # The sine of the polar angle counts as this at least: at the poles the pdf has no bound.
 SMALLEST_POLAR_SINE = 1e-12
@@ -19,10 +19,7 @@ SMALLEST_POLAR_SINE = 1e-12
 @explains(
     vertical_fov="no field of view: the picture shows 360 x 180 degrees",
     fov="no field of view: the picture shows 360 x 180 degrees",
-    resolution="width and height",
-    position="look_from",
-    origin="look_from",
-    target="look_at",
+    **MEANT,
     forward="look_at, which is look_from + forward",
 )
 class PanoramicCamera(Projection):

@@ -15,23 +15,17 @@ from hybrid_rt.core.records import FloatArray
 
 # Below this sine between view and up the picture's roll is decided by rounding.
 SMALLEST_SINE = 1e-8
+# What other programs call some arguments of all cameras.
+MEANT = {
+    "resolution": "width and height", "position": "look_from", "origin": "look_from",
+    "target": "look_at",
+}  # fmt: skip
 # Pixels along a side; far fewer fill any machine, which `hybrid_rt.rendering.memory` says in time.
 MOST_PIXELS = 10**9
 
 
 class Projection(ABC):
-    """A camera: where it stands and looks, its resolution, and its rays.
-
-    Parameters
-    ----------
-    look_from, look_at, up : three numbers
-    width, height : int
-
-    Attributes
-    ----------
-    look_from, look_at, up : (3,) float64
-    width, height : int
-    """
+    """A camera: where it stands and looks, its resolution, and its rays."""
 
     def __init__(
         self, look_from: ArrayLike, look_at: ArrayLike, up: ArrayLike, width: int, height: int

@@ -6,11 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core.records import FloatArray
-from hybrid_rt.shading.kernels.fresnel import (
-    reflect_directions,
-    refract_directions,
-    split_at_glass,
-)
+from hybrid_rt.shading.kernels.fresnel import reflect_directions, refract_directions, split_at_glass
 from meshing.checks import as_floats, shown, units
 
 

@@ -80,10 +80,7 @@ class ImageTexture(Texture):
 
 
 def linear_texels(image: str | os.PathLike[str] | NDArray[Any], owner: str) -> NDArray[np.float32]:
-    """Return a picture, from a file or an array, as (height, width, 3) float32, linear.
-
-    Arguments and errors are those of `ImageTexture`; ``owner`` is the class that messages name.
-    """
+    """Return a picture as (height, width, 3) float32, linear; see `ImageTexture`. ``owner`` is for messages."""
     if isinstance(image, str | os.PathLike):
         return _linear(_read(Path(image), owner), f"{owner} {os.fspath(image)!r}")
     refuse_mask(image, f"{owner} image")

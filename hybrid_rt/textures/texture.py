@@ -20,22 +20,11 @@ from meshing.checks import shown
 
 @dataclass(frozen=True)
 class TextureRow:
-    """One row of the `TextureTable`.
-
-    Attributes
-    ----------
-    kind : int
-    number : nine floats
-        Colour, second colour, scale; zero where unused.
-    texels : (height, width, 3) float32, optional
-        Linear, row 0 at the top.
-    wrap : int
-        Wrap mode.
-    """
+    """One row of the `TextureTable`."""
 
     kind: int
-    number: tuple[float, ...]
-    texels: NDArray[np.float32] | None = None
+    number: tuple[float, ...]  # colour, second colour, scale: nine numbers, 0 where unused
+    texels: NDArray[np.float32] | None = None  # (height, width, 3), linear, row 0 at the top
     wrap: int = kernels.REPEAT
 
 
@@ -59,13 +48,7 @@ class Texture(ABC):
 
 
 class ConstantTexture(Texture):
-    """A constant colour.
-
-    Parameters
-    ----------
-    color : (3,) float64
-        Linear, checked.
-    """
+    """A constant colour (3,), linear, already checked."""
 
     def __init__(self, color: FloatArray) -> None:
         self._color = color
@@ -91,36 +74,14 @@ def plain_color(texture: Texture) -> Any:
     return one_or_three(texture.brightest) if isinstance(texture, ConstantTexture) else texture
 
 
-def as_texture(color: Texture | ArrayLike, what: str) -> Texture:
-    """Convert a texture, three numbers or one number to a texture of values from 0 to 1.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If a channel is negative, above 1 or not finite; ``what`` is named.
-    """
+def as_texture(color: Texture | ArrayLike, what: str, up_to: float = 1.0) -> Texture:
+    """Convert a texture, three numbers or one number to a texture of values from 0 to ``up_to``."""
     if isinstance(color, Texture):
-        checks.rgb(
-            color.brightest, f"{what}: brightest colour of {type(color).__name__}", up_to=1.0
-        )
+        name = f"{what}: brightest colour of {type(color).__name__}"
+        checks.rgb(color.brightest, name, up_to=up_to)
         return color
     _refuse_pictures(color, what)
-    return ConstantTexture(checks.rgb(color, what, up_to=1.0))
-
-
-def as_radiance(color: Texture | ArrayLike, what: str) -> Texture:
-    """Convert a texture, three numbers or one number to a texture of radiance, up to 1e30.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If a channel is negative or not finite; ``what`` is named.
-    """
-    if isinstance(color, Texture):
-        checks.rgb(color.brightest, f"{what}: brightest colour of {type(color).__name__}")
-        return color
-    _refuse_pictures(color, what)
-    return ConstantTexture(checks.rgb(color, what))
+    return ConstantTexture(checks.rgb(color, what, up_to=up_to))
 
 
 def _refuse_pictures(color: Texture | ArrayLike, what: str) -> None:

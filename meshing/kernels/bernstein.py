@@ -335,7 +335,7 @@ def unit_normal(control, start, degree_u, degree_v, u, v, rational):
     return 0.0, 0.0, 1.0, True
 
 
-@kernel
+@kernel(allocates=True)
 def evaluate_patches(control, starts, degrees, patch_id, u, v, order_u, order_v, rational, out):
     """Write one partial derivative per row into ``out`` (n, 3)."""
     for i in range(u.size):
@@ -348,7 +348,7 @@ def evaluate_patches(control, starts, degrees, patch_id, u, v, order_u, order_v,
         out[i, 2] = z
 
 
-@kernel
+@kernel(allocates=True)
 def normals_of_patches(control, starts, degrees, patch_id, u, v, rational, out, is_degenerate):
     """Write one unit normal per row into ``out`` (n, 3), and where S_u x S_v vanishes."""
     for i in range(u.size):
@@ -362,7 +362,7 @@ def normals_of_patches(control, starts, degrees, patch_id, u, v, rational, out, 
         is_degenerate[i] = flag
 
 
-@kernel
+@kernel(allocates=True)
 def first_collapsed_patch(control, starts, degrees, reach, rational):
     """Index of the first patch without area, or -1; ``reach`` (k,): largest |coordinate| of each.
 

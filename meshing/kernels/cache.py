@@ -7,6 +7,7 @@ compile; then a temporary folder is used, which belongs to the user alone.
 numba replaces its files atomically, but updates the index of a function's signatures without a
 lock. Of two processes that update it at once, one entry may be lost, or both may give their machine
 code the same file name (numba issue 10128 is of this kind). Here a lock is held during the update.
+And what one process compiles, others that need it wait for: it has a file that is locked meanwhile.
 
 The functions that a kernel calls are compiled into it. So it is compiled again if the content of its
 own file has changed, or of a file that its file imports from a folder ``kernels``, directly or not.
@@ -24,12 +25,13 @@ import shutil
 import stat
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
-from numba.core import config
+from numba.core import config, event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
 from meshing.kernels.link_only import CacheOfLinked
@@ -43,13 +45,12 @@ LOCK_FILE = "kernels.lock"
 KERNELS = "kernels"
 _IMPORT = re.compile(r"^\s*(?:from|import)\s+([\w.]+)", re.MULTILINE)
 
-on_miss: Callable[[str, tuple[Any, ...]], bool] | None = None
-"""Asked for a kernel, by its name and argument types, that is not in the cache: is it now?"""
+# Of several processes that need a kernel one compiles it and the others wait, in seconds at most so
+# long: a process may be stopped.
+LONGEST_WAIT, LOOK = 300.0, 0.02
 
-
-def name_of(function: Any) -> str:
-    """Return the name of a kernel, the same in all processes."""
-    return f"{function.__module__}:{function.__qualname__}"
+on_miss: Callable[[], None] | None = None
+"""Called when a kernel is not in the cache."""
 
 
 class SharedCache(FunctionCache):
@@ -62,7 +63,7 @@ class SharedCache(FunctionCache):
             RuntimeError
         ) as error:  # of numba's variables, or where no folder at all can be written
             raise ImportError(f"compiled kernels have no place: {error}") from None
-        self._kernel = name_of(function)
+        self._claims: dict[tuple[Any, ...], ExitStack] = {}
         self._cache_file = IndexDataCacheFile(
             cache_path=self._cache_path,
             filename_base=self._impl.filename_base,
@@ -72,8 +73,14 @@ class SharedCache(FunctionCache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled code, or None if this process has to compile it."""
         found = self._load(sig, target_context)
-        if found is None and on_miss is not None and on_miss(self._kernel, sig):
-            found = self._load(sig, target_context)
+        if found is not None:
+            return found
+        if on_miss is not None:
+            on_miss()
+        self._claim(sig)
+        found = self._load(sig, target_context)
+        if found is not None:
+            self.give_up_claims()
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -82,6 +89,32 @@ class SharedCache(FunctionCache):
             self._impl.locator.ensure_cache_path()
             with _locked(Path(self.cache_path), "ab"):
                 super().save_overload(sig, data)
+        self.give_up_claims()
+
+    def _claim(self, sig: tuple[Any, ...]) -> None:
+        """Make other processes wait until a kernel is saved; first wait for one that has done so."""
+        _forget_failed()
+        if sig in self._claims:
+            return
+        words = f"{self._impl.filename_base}-{hashlib.sha256(repr(sig).encode()).hexdigest()[:16]}"
+        path, began = Path(self.cache_path) / f"{words}.claim", time.monotonic()
+        # Without a folder, or locks, this process does for itself.
+        with suppress(OSError), ExitStack() as stack:
+            self._impl.locator.ensure_cache_path()
+            file = stack.enter_context(path.open("ab"))  # closing it gives the claim up
+            if not _can_lock(file):
+                # For listeners this is a compilation.
+                with event.trigger_event("numba:compile"):
+                    while not _can_lock(file) and time.monotonic() < began + LONGEST_WAIT:
+                        time.sleep(LOOK)
+            stack.callback(path.unlink, missing_ok=True)
+            self._claims[sig] = stack.pop_all()
+
+    def give_up_claims(self) -> None:
+        """Let others look for what is saved, or compile what this process could not."""
+        while self._claims:
+            with suppress(OSError):
+                self._claims.popitem()[1].close()
 
     def _load(self, sig: Any, target_context: Any) -> Any:
         try:
@@ -147,6 +180,39 @@ def _locked(folder: Path, mode: str) -> Iterator[None]:
             if fcntl is not None:
                 fcntl.flock(file, fcntl.LOCK_SH if mode == "rb" else fcntl.LOCK_EX)
         yield
+
+
+def _can_lock(file: IO[bytes]) -> bool:
+    """Try to lock a file for this process alone; where there are no locks, it counts as locked."""
+    try:
+        if fcntl is not None:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        pass
+    return True
+
+
+class _Failures(event.Listener):
+    """Hears of kernels that could not be compiled, or were interrupted."""
+
+    def on_start(self, event: Any) -> None:
+        """Hear nothing."""
+
+    def on_end(self, event: Any) -> None:
+        """Give up the claims of a kernel that failed."""
+        # (numba's `is_failed` says the opposite.)
+        if sys.exc_info()[0] is not None and event.data is not None:
+            cache = event.data["dispatcher"]._cache
+            if isinstance(cache, SharedCache):
+                cache.give_up_claims()
+
+
+@functools.cache
+def _forget_failed() -> None:
+    register: Any = event.register
+    register("numba:compile", _Failures())
 
 
 def _can_write(folder: Path) -> bool:

@@ -1,5 +1,6 @@
 """The decorators of kernels: what numba compiles, and how."""
 
+from functools import partial
 from typing import Any
 
 import numba
@@ -15,57 +16,48 @@ _COMMON: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrap
 _WITHOUT_ALLOCATION: dict[str, Any] = {**_COMMON, "_nrt": False}
 
 
-def kernel(function: Any) -> Any:
-    """Compile a function for scalars and arrays: no GIL, cached, divisions as in NumPy."""
-    return _cached(numba.njit(**_COMMON)(function))
+def kernel(function: Any = None, *, allocates: bool = False) -> Any:
+    """Compile an entry point for scalars and arrays: no GIL, cached, divisions as in NumPy.
 
-
-def hot_kernel(function: Any) -> Any:
-    """Compile an entry point that allocates nothing; its scratch memory is passed in.
-
-    numba counts the references to every array passed to a function, atomically, and its optimiser
-    removes only some of that. Without numba's runtime nothing is counted: intersecting a ray with a
-    rectangle takes 80 ns instead of 440.
+    Its scratch memory is passed in, unless it is said to allocate: numba counts the references to every
+    array passed to a function, atomically, and its optimiser removes only some of that. Without numba's
+    runtime nothing is counted: intersecting a ray with a rectangle takes 80 ns instead of 440.
     """
-    return _cached(numba.njit(**_WITHOUT_ALLOCATION)(function))
+    if function is None:
+        return partial(kernel, allocates=allocates)
+    return _cached(numba.njit(**(_COMMON if allocates else _WITHOUT_ALLOCATION))(function))
 
 
-def inner(function: Any) -> Any:
+def inner(function: Any = None, *, outlined: bool = False) -> Any:
     """Compile a function that only kernels call: no allocation, kept in its callers' cache.
 
-    It is inlined where its caller is, as numba hands that option down.
+    It is inlined where its caller is, as numba hands that option down; ``outlined`` never. That is for
+    what few rays need. A kernel with many copies of such code in it takes long to compile: the one of
+    trimmed aspheres took 150 s, and takes 22 s with one call of each.
     """
-    return _for_kernels(function)
-
-
-def outlined(function: Any) -> Any:
-    """As `inner`, but never inlined.
-
-    For what few rays need. A kernel with many copies of such code in it takes long to compile: the
-    one of trimmed aspheres took 150 s, and takes 22 s with one call of each.
-    """
+    if function is None:
+        return partial(inner, outlined=outlined)
+    if not outlined:
+        return _for_kernels(function)
     setattr(function, OUTLINED, True)
     return _for_kernels(function, forceinline=False)
 
 
-def inlined(function: Any) -> Any:
+def inlined(function: Any = None, *, cached: bool = False) -> Any:
     """As `inner`, but always inlined.
 
     An array is passed as seven numbers or more, so calling a function with a table of ten arrays
     costs about 80 ns: most of the time of a function with a few dozen operations.
+
+    What takes a second or more to compile is ``cached``, by itself. Kernels that call it link what has
+    been compiled once, and while the cache is cold, several processes compile the parts of one kernel.
+    The machine code of the kernels is the same. (Not so of functions that are not always inlined:
+    linked from a cache they never are.)
     """
-    return _for_kernels(function, forceinline=True)
-
-
-def part(function: Any) -> Any:
-    """As `inlined`, and kept in a cache of its own.
-
-    For what takes a second or more to compile. Kernels that call it link what has been compiled once,
-    and while the cache is cold, several processes compile the parts of one kernel. The machine code of
-    the kernels is the same. (Not so of functions that are not always inlined: linked from a cache they
-    never are.)
-    """
-    return _cached(_for_kernels(function, forceinline=True), CacheOfParts)
+    if function is None:
+        return partial(inlined, cached=cached)
+    compiled = _for_kernels(function, forceinline=True)
+    return _cached(compiled, CacheOfParts) if cached else compiled
 
 
 def _cached(compiled: Any, cache: type[SharedCache] = SharedCache) -> Any:

@@ -13,7 +13,7 @@ def _root(parent, i):
     return i
 
 
-@kernel
+@kernel(allocates=True)
 def join_points(points, order, along, tolerance):
     """Label points; points within ``tolerance`` of each other in each coordinate get equal labels.
 
@@ -51,7 +51,7 @@ def _edge_gap(control, first, step, degree, i, j, is_reversed):
     return gap
 
 
-@kernel
+@kernel(allocates=True)
 def join_edges(control, first, step, degree, order, run, tolerance, group, is_reversed):
     """Give equal edges the same group, that of the first of them; return the largest difference.
 

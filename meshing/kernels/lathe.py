@@ -120,7 +120,7 @@ def _control_point(profile, k, rational):
     return profile[k, 0] / profile[k, 2], profile[k, 1] / profile[k, 2]
 
 
-@kernel
+@kernel(allocates=True)
 def evaluate_lathe(profile, starts, frame, segment_id, u, v, order_u, order_v, rational, out):
     """Write one partial derivative per row into ``out`` (n, 3); u in whole turns."""
     for i in range(u.size):
@@ -139,7 +139,7 @@ def evaluate_lathe(profile, starts, frame, segment_id, u, v, order_u, order_v, r
             out[i, axis] = value + frame[0, axis] if order_u + order_v == 0 else value
 
 
-@kernel
+@kernel(allocates=True)
 def normals_of_lathe(profile, starts, frame, segment_id, u, v, rational, out, is_degenerate):
     """Write one unit normal per row into ``out`` (n, 3), and where S_u x S_v vanishes."""
     for i in range(u.size):

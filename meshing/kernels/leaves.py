@@ -196,7 +196,7 @@ def _splits_u(stack, slot, m, n, uu, uv, vv, rational):
     return uu >= vv
 
 
-@kernel
+@kernel(allocates=True)
 def find_leaves(
     control, starts, degrees, rational, least_depth, slack, tolerance, max_leaves, leaves
 ):  # fmt: skip

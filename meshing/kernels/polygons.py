@@ -47,7 +47,7 @@ def _best_ear(around, ring, sides, points, weld, count):
     return best
 
 
-@kernel
+@kernel(allocates=True)
 def triangulate(
     leaves, left, right, bottom, top, by_v, weld, points, vertex_u, vertex_v, faces, uv, patch_id
 ):
@@ -60,16 +60,8 @@ def triangulate(
     """
     longest = 0
     for i in range(leaves.shape[0]):
-        around_it = (
-            left[i, 1]
-            - left[i, 0]
-            + right[i, 1]
-            - right[i, 0]
-            + bottom[i, 1]
-            - bottom[i, 0]
-            + top[i, 1]
-            - top[i, 0]
-        )
+        around_it = left[i, 1] - left[i, 0] + right[i, 1] - right[i, 0]
+        around_it += bottom[i, 1] - bottom[i, 0] + top[i, 1] - top[i, 0]
         longest = max(longest, around_it)
     ring = np.empty(longest, np.int64)
     sides = np.empty(longest, np.int64)
@@ -105,15 +97,10 @@ def triangulate(
             c = ring[around[(tip + 1) % count]]
             x, y, z = weld[a], weld[b], weld[c]
             if y not in (x, z) and z != x:
-                faces[n_faces, 0] = x
-                faces[n_faces, 1] = y
-                faces[n_faces, 2] = z
-                uv[n_faces, 0, 0] = vertex_u[a]
-                uv[n_faces, 0, 1] = vertex_v[a]
-                uv[n_faces, 1, 0] = vertex_u[b]
-                uv[n_faces, 1, 1] = vertex_v[b]
-                uv[n_faces, 2, 0] = vertex_u[c]
-                uv[n_faces, 2, 1] = vertex_v[c]
+                faces[n_faces, 0], faces[n_faces, 1], faces[n_faces, 2] = x, y, z
+                uv[n_faces, 0, 0], uv[n_faces, 0, 1] = vertex_u[a], vertex_v[a]
+                uv[n_faces, 1, 0], uv[n_faces, 1, 1] = vertex_u[b], vertex_v[b]
+                uv[n_faces, 2, 0], uv[n_faces, 2, 1] = vertex_u[c], vertex_v[c]
                 patch_id[n_faces] = leaves[i, 0]
                 n_faces += 1
             count -= 1

@@ -66,7 +66,7 @@ def _is_inside(bounds, stack, slot, count, rational):
     return True
 
 
-@kernel
+@kernel(allocates=True)
 def patch_boxes(control, starts, degrees, rational, boxes):
     """Write the bounding box of each patch into ``boxes`` (k, 2, 3); rational ones: about its c.
 

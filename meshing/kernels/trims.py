@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from meshing.kernels.jit import hot_kernel, inlined, inner
+from meshing.kernels.jit import inlined, inner, kernel
 
 # What a tile of the map is known to be: the point sets of the sides, or asked piece by piece.
 OUTSIDE, INSIDE, CROSSED = 0, 1, 2
@@ -260,14 +260,14 @@ def gap_to_loops(table, m, u, v, du, dv, px, py, pz, qx, qy, qz):
     return np.sqrt(least)
 
 
-@hot_kernel
+@kernel
 def points_of_arc(net, s, out):
     """Fill points (k, 2) of the arc of a net (n + 1, 3) at s (k,)."""
     for i in range(s.shape[0]):
         out[i, 0], out[i, 1] = point_of_arc(net, 0, net.shape[0] - 1, s[i])
 
 
-@hot_kernel
+@kernel
 def classify_points(table, m, u, v, inside, in_band):
     """Fill ``inside`` and ``in_band`` (n,) bool for points (n,)."""
     for i in range(u.shape[0]):
@@ -279,7 +279,7 @@ def classify_points(table, m, u, v, inside, in_band):
         )
 
 
-@hot_kernel
+@kernel
 def mark_tiles(table, m, p, counts_u, counts_v, tile):
     """Mark the tiles that piece p comes nearer to than half a tile as CROSSED.
 
@@ -309,7 +309,7 @@ def mark_tiles(table, m, p, counts_u, counts_v, tile):
         x, y = xk, yk
 
 
-@hot_kernel
+@kernel
 def fill_tiles(table, m, tile):
     """Classify the tiles that no piece comes near."""
     n = table.member[m, N_TILES]
@@ -324,7 +324,7 @@ def fill_tiles(table, m, tile):
                 tile[i * n + j] = INSIDE if parity else OUTSIDE
 
 
-@hot_kernel
+@kernel
 def classify_boxes(table, m, boxes, state):
     """Tell of boxes (k, 4) u0, u1, v0, v1 whether they are wholly on one side: OUTSIDE, INSIDE."""
     for i in range(boxes.shape[0]):

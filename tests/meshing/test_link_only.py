@@ -4,7 +4,7 @@ import numba
 import numpy as np
 import pytest
 
-from meshing.kernels.jit import hot_kernel, inlined, inner, kernel
+from meshing.kernels.jit import inlined, inner, kernel
 
 
 @inner
@@ -17,13 +17,13 @@ def sum_of_squares(x, y):
     return square(x) + square(y)
 
 
-@kernel
+@kernel(allocates=True)
 def lengths(points, out):
     for i in range(points.shape[0]):
         out[i] = np.sqrt(sum_of_squares(points[i, 0], points[i, 1]))
 
 
-@hot_kernel
+@kernel
 def double_square(x):
     return 2.0 * square(x)
 

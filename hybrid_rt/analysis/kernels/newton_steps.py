@@ -7,7 +7,7 @@ import numpy as np
 
 from hybrid_rt.intersection.kernels.patch.evaluate import evaluate_any
 from hybrid_rt.intersection.kernels.revolution.profile import profile
-from meshing.kernels.jit import hot_kernel, inner
+from meshing.kernels.jit import inner, kernel
 
 # Parameters are inside up to this, or up to the last step where that was longer.
 INSIDE = 1e-9
@@ -120,7 +120,7 @@ def _goes_on(pieces, k, other):
     )
 
 
-@hot_kernel
+@kernel
 def take_steps(
     pieces, middle, steps, hits, triangles, rows, origin, direction, out, basis, accepted
 ):  # fmt: skip

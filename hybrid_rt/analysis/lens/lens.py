@@ -248,32 +248,16 @@ class Lens:
         return rays
 
     def from_point(self, point: ArrayLike, pupil: float | None = None, n: int = 64) -> Traced:
-        """Trace the light of a point through the lens.
+        """Trace the light of a point through the lens; otherwise as `parallel`.
+
+        Rays cross the plane of the first vertex on a square grid, so those far from the axis lie nearer to each
+        other, seen from the point: power by angles is to be weighted by that. Paths begin at the point.
 
         Parameters
         ----------
         point : (3,) floats
-            In front of the lens, z below 0.
-        pupil, n
-            Those of `parallel`: rays cross the plane of the first vertex on a square grid, so those far
-            from the axis lie nearer to each other, seen from the point. Power by angles is to be weighted by
-            that.
-
-        Returns
-        -------
-        Traced
-            One row for each ray, lost ones included. Paths begin at the point.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If no ray gets through, an argument is outside its limits, or the point lies where the light
-            may already have met the lens, or a million times farther away than the lens is wide.
-
-        Warns
-        -----
-        UserWarning
-            As `trace`.
+            In front of the lens, z below 0: not where the light may already have met it, nor a million times
+            farther away than the lens is wide.
         """
         rays = self._filled(self._point(point, "Lens point"), pupil, n)
         warn_of_crossing(rays, 3)
@@ -405,15 +389,13 @@ class Lens:
     def spot(
         self, field: ArrayLike, z: float, pupil: float | None = None, n: int = 64
     ) -> tuple[FloatArray, FloatArray, float]:
-        """Trace parallel light, or that of a point, through the lens to a plane.
+        """Trace parallel light, or that of a point, through the lens to a plane; otherwise as `parallel`.
 
         Parameters
         ----------
         field : float or (3,) floats
             Angle in degrees, as for `parallel`, or a point in front of the lens, as for `from_point`; these
             also tell how many rays were lost, and where.
-        pupil, n
-            Those of `parallel`.
         z : float
             Position of the plane, from the first vertex: the focus is at
             ``vertices[-1] + focus().back_focal_distance``. Rays are carried on as they leave the lens, also
@@ -427,16 +409,6 @@ class Lens:
             The mean of these points; the chief ray meets the plane elsewhere if there is coma.
         rms : float
             Root mean square distance of the points from their mean.
-
-        Raises
-        ------
-        ValueError
-            If no ray gets through, or an argument is outside its limits.
-
-        Warns
-        -----
-        UserWarning
-            If rays meet a surface from behind, as where the lens is too thin at its edge.
         """
         z = number(z, "Lens.spot z")
         met = self._passed(field, pupil, n).at(z)

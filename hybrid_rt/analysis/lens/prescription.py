@@ -81,13 +81,7 @@ def checked_lines(prescription: Sequence[LensSurface], index: float) -> tuple[Le
 def surface_of(line: LensSurface, z: float, k: int) -> Asphere:
     """Return the surface of line k, with its vertex at z."""
     try:
-        return Asphere(
-            line.radius,
-            line.conic,
-            line.coefficients,
-            line.aperture,
-            (0.0, 0.0, z),
-            (0.0, 0.0, 1.0),
-        )
+        shape = line.radius, line.conic, line.coefficients, line.aperture
+        return Asphere(*shape, (0.0, 0.0, z), (0.0, 0.0, 1.0))
     except (ValueError, TypeError) as error:
         raise type(error)(f"Lens prescription[{k}]: {error}") from None

@@ -44,7 +44,7 @@ def onto_sphere(px, py, pz, cx, cy, cz, r):
     return px - part * fx, py - part * fy, pz - part * fz
 
 
-@kernel
+@kernel(allocates=True)
 def settle_on_sphere(points, cx, cy, cz, radius):
     """Project points (n, 3) near a sphere onto it, in place."""
     for i in range(points.shape[0]):

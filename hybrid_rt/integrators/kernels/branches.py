@@ -12,7 +12,7 @@ from hybrid_rt.shading.kernels.bsdf import leaves_through_face
 from hybrid_rt.shading.kernels.fresnel import mirrored
 from hybrid_rt.shading.kernels.lobes.dielectric import reflectance_ahead
 from hybrid_rt.shading.kernels.medium_stack import filling_medium, ior_of
-from meshing.kernels.jit import inlined, part
+from meshing.kernels.jit import inlined
 
 # Of one camera ray. The reflected branch itself chooses.
 MOST_SPLITS = 2
@@ -76,7 +76,7 @@ def reflected_share(world, rules, paths, vertex, depth):
     return share if carried * min(share, 1.0 - share) >= LEAST_SHARE else 0.0
 
 
-@part
+@inlined(cached=True)
 def split_off_reflected(world, paths, vertex, share, branch):
     """Divide a path at glass: write the reflected part, and leave the rest; tell whether it goes on.
 

@@ -51,7 +51,7 @@ class Paths(NamedTuple):
     anchor: Any  # (n, 9) float64, where that vertex is, and what was sampled there
 
 
-@kernel
+@kernel(allocates=True)
 def add_products(camera_ray, throughput, value, radiance):
     """Add throughput x value, both (n, 3), to the rows ``camera_ray`` of ``radiance``."""
     for i in range(camera_ray.size):
@@ -59,7 +59,7 @@ def add_products(camera_ray, throughput, value, radiance):
             radiance[camera_ray[i], k] += throughput[i, k] * value[i, k]
 
 
-@kernel
+@kernel(allocates=True)
 def pack_shadow_rays(
     camera_ray, throughput, object_id, position, light_id, surface_of_light, to_light, value, out
 ):
@@ -98,7 +98,7 @@ def pack_shadow_rays(
     return n
 
 
-@kernel
+@kernel(allocates=True)
 def add_unblocked(camera_ray, follows, blocked, value, radiance):
     """Add the values (n, 3) of unoccluded rays to the rows ``camera_ray`` of ``radiance``.
 
@@ -112,7 +112,7 @@ def add_unblocked(camera_ray, follows, blocked, value, radiance):
                 radiance[camera_ray[i], k] += value[i, k]
 
 
-@kernel
+@kernel(allocates=True)
 def pack_paths(paths, fate, least, position, object_id, onward, pdf, out):
     """Pick the paths that go on (fate at least ``least``), set their new rays; return how many.
 
@@ -168,14 +168,14 @@ def choose_light(before, chance, xi):
     return row, min(max(rest, 0.0), 1.0 - 2.0**-53)
 
 
-@kernel
+@kernel(allocates=True)
 def choose_lights(before, chance, xi, light_id):
     """Sample a light per row by the first column of ``xi`` (n, 2); see `choose_light`."""
     for i in range(light_id.size):
         light_id[i], xi[i, 0] = choose_light(before, chance, xi[i, 0])
 
 
-@kernel
+@kernel(allocates=True)
 def add_to_pixels(pixel, radiance, image):
     """Add rows of ``radiance`` (n, 3) to the rows ``pixel`` of ``image``, in order.
 

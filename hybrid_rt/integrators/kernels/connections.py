@@ -5,13 +5,11 @@ Their weights are derived in `hybrid_rt.integrators.kernels.light_paths`.
 
 import math
 
-from hybrid_rt.integrators.kernels.vertex_points import CONNECT, FAR
 from hybrid_rt.shading.kernels.bsdf import is_behind, scattered, sides_differ
 from hybrid_rt.shading.kernels.emitter import power_weight
 from hybrid_rt.shading.kernels.lobes.register import EVERY
 from hybrid_rt.shading.kernels.medium_stack import transmittance
-from meshing.kernels.jit import inlined, kernel, part
-from meshing.kernels.prefetch import LINE, prefetch
+from meshing.kernels.jit import inlined, kernel
 
 # Connections find little light, evenly: at every hit they would cost as much as the lamps. On the
 # Cornell box a quarter costs 4 % in variance and saves a fifth of the time.
@@ -61,7 +59,7 @@ def sent_toward(lit, k, lobes, wx, wy, wz):
     )
 
 
-@part
+@inlined(cached=True)
 def connect_to_light_vertex(world, rules, paths, vertex, vertices, depth, number, s, t, out, n):
     """Connect a vertex of a camera path to a light vertex of its pass, by a shadow ray.
 
@@ -105,7 +103,7 @@ def connect_to_light_vertex(world, rules, paths, vertex, vertices, depth, number
     )
 
 
-@part
+@inlined(cached=True)
 def choose_far(world, rules, vertex, vertices, depth, number, s, t):
     """Choose the far light vertex that a vertex of a camera path is connected to.
 
@@ -123,7 +121,7 @@ def choose_far(world, rules, vertex, vertices, depth, number, s, t):
     Returns
     -------
     chosen : int
-        A row of `World.light_vertices`, prefetched; `NONE`, if no candidate contributes.
+        A row of `World.light_vertices`; `NONE`, if no candidate contributes.
     factor : float
         What its light is multiplied by.
     """
@@ -163,7 +161,6 @@ def choose_far(world, rules, vertex, vertices, depth, number, s, t):
             t -= target_pdf[j]
     begin, n_groups = world.first_of_pass[number], stop - first
     k = member(group - first, chosen, begin, n_groups)
-    _fetch(world.light_vertices, k)
     return k, n_groups * total / target_pdf[chosen]
 
 
@@ -174,42 +171,6 @@ def member(group, j, begin, n_groups):
     Groups at the end may lack their last members.
     """
     return begin + group + j * n_groups
-
-
-@inlined
-def fetch_ahead(world, rules, number, points, column):
-    """Prefetch the light vertices that a vertex is going to read; it may yet read none.
-
-    Parameters
-    ----------
-    world : World
-    rules : Rules
-    number : int
-        Index of the pass among those of `World.first_of_pass`.
-    points : RunPoints
-    column : int
-        Of the vertex among them.
-    """
-    begin, end = world.first_of_pass[number], world.first_of_pass[number + 1]
-    if begin == end:
-        return
-    if rules.min_distance < math.inf:
-        first, stop = world.first_group[number], world.first_group[number + 1]
-        _fetch_row(world.candidates, _any_of(points.xi[0, FAR, column], first, stop))
-    if points.xi[1, CONNECT, column] < CONNECT_CHANCE:
-        _fetch(world.light_vertices, _any_of(points.xi[0, CONNECT, column], begin, end))
-
-
-@inlined
-def _fetch_row(table, row):
-    for offset in range(0, table.strides[0], LINE):
-        prefetch(table, row, offset)
-
-
-@inlined
-def _fetch(lit, k):
-    """Prefetch light vertex k, whose columns are next to each other; see `packed`."""
-    _fetch_row(lit.position, k)
 
 
 @inlined
@@ -232,7 +193,7 @@ def _is_far(world, rules, vertices, k):
     )
 
 
-@part
+@inlined(cached=True)
 def connect(world, paths, vertex, vertices, k, factor, vertices_per_path, out, n):
     """Write row n of the shadow rays, to light vertex k, whose light is multiplied by ``factor``.
 
@@ -286,7 +247,7 @@ def connect(world, paths, vertex, vertices, k, factor, vertices_per_path, out, n
     return True
 
 
-@kernel
+@kernel(allocates=True)
 def splat_light_vertices(lit, lobes, way, pdf, n_paths, media, steps_left, value):
     """Compute the radiance that light vertices scatter toward the camera.
 

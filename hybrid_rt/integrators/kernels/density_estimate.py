@@ -35,7 +35,7 @@ def _slot(i, j, k, mask):
     return ((i * _X) ^ (j * _Y) ^ (k * _Z)) & mask
 
 
-@kernel
+@kernel(allocates=True)
 def count_in_cells(position, width, table):
     """Count positions (n, 3) by cells of a hashed grid; ``table`` has a power of two of slots.
 
@@ -49,7 +49,7 @@ def count_in_cells(position, width, table):
         table[_slot(a, b, c, mask)] += 1
 
 
-@kernel
+@kernel(allocates=True)
 def most_neighbours(position, radius, width, table, most):
     """Bound from above the number of counted positions within a radius of each given position.
 
@@ -71,7 +71,7 @@ def most_neighbours(position, radius, width, table, most):
         most[i] = total
 
 
-@kernel
+@kernel(allocates=True)
 def add_photons(row, photon, distance, radius, lobes, points, is_direct, photons, xi, sums):
     """Add the contribution of each photon to the points near it.
 
@@ -152,7 +152,7 @@ def add_photons(row, photon, distance, radius, lobes, points, is_direct, photons
             xi[i] = (xi[i] - share) / (1.0 - share) if share < 1.0 else 0.0
 
 
-@kernel
+@kernel(allocates=True)
 def splat_photons(
     lobes, asked, material, colors, normal, geometric, ratio, photon_direction, photon_power, way,
     pdf, value,
@@ -206,7 +206,7 @@ def splat_photons(
         value[i, 2] = factor * b * photon_power[i, 2]
 
 
-@kernel
+@kernel(allocates=True)
 def segments_to_photons(
     row, position, normal, direction, chosen, photon_position, photon_normal, origin, way
 ):

@@ -12,10 +12,10 @@ from hybrid_rt.integrators.kernels.vertex_points import RUN_ALONG, draw_along
 from hybrid_rt.integrators.kernels.ways import OTHER
 from hybrid_rt.intersection.kernels.closed_forms import first_hit, is_occluded
 from hybrid_rt.shading.kernels.scatter import SCATTERED
-from meshing.kernels.jit import hot_kernel, inlined
+from meshing.kernels.jit import inlined, kernel
 
 
-@hot_kernel
+@kernel
 def follow_paths(
     world, rules, block, media, forms, ray, path, branch, waiting, depth_of_waiting, vertex,
     points, rays, radiance, tally,

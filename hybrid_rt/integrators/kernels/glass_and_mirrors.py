@@ -49,10 +49,10 @@ from hybrid_rt.integrators.kernels.ways import (
 )
 from hybrid_rt.shading.kernels.emitter import power_weight
 from hybrid_rt.shading.kernels.medium_stack import NONE
-from meshing.kernels.jit import inlined, inner, part
+from meshing.kernels.jit import inlined, inner
 
 
-@part
+@inlined(cached=True)
 def sample_specular(world, rules, paths, vertex, vertices, depth, rays, n):
     """Next-event estimation by way of a ball and by way of a box; for lamps by a flat mirror as well.
 

@@ -117,7 +117,7 @@ class LightVertices(NamedTuple):
     steps: Any
 
 
-@kernel
+@kernel(allocates=True)
 def leave_lights(
     lights, textures, points, emit, light_id, place, turn, scale, origin, direction, flux, density,
     cosine,
@@ -176,7 +176,7 @@ def is_treated_as_specular(paths, i, lights, narrow, material, steps):
     return steps > 0 or lights.kind[paths.light_id[i]] != SURFACE
 
 
-@kernel
+@kernel(allocates=True)
 def store_light_vertices(paths, lobes, narrow, vertices, object_id, steps, keeps_all, out, row):
     """Store the light vertices of the paths that hit a non-delta surface; return how many.
 
@@ -297,7 +297,7 @@ def weight_against_next_event(paths, i, lights, position, back):
     return 1.0 / math.hypot(1.0, by_light / back)
 
 
-@kernel
+@kernel(allocates=True)
 def extend_light_paths(
     paths, lobes, lights, narrow, vertices, object_id, is_smooth, second, choice, xi, steps,
     keeps_all, out,

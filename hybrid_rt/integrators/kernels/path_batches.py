@@ -8,11 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.integrators.kernels.branches import copy_path
-from hybrid_rt.integrators.kernels.connections import fetch_ahead
 from hybrid_rt.integrators.kernels.path_vertex import arrive, depart
 from hybrid_rt.integrators.kernels.vertex_points import RUN_ACROSS, draw_across
 from hybrid_rt.shading.kernels.scatter import SCATTERED
-from meshing.kernels.jit import hot_kernel, inlined
+from meshing.kernels.jit import inlined, kernel
 
 
 class Arrival(NamedTuple):
@@ -53,19 +52,7 @@ def _copy_arrival(arrival, i, vertex):
             point.normal[0, k] = light_points.normal[i, k]
 
 
-@inlined
-def _fetch_ahead(world, rules, depth, block, paths, arrival, i, points, column):
-    """Prefetch the light vertices that path i will read, if it is connected to any."""
-    if not rules.has_light_paths or depth >= rules.max_depth or arrival.hits.object_id[i] < 0:
-        return
-    material = world.material_of[arrival.hits.object_id[i]]
-    if material < 0 or (paths.joined[i] and arrival.hits.t[i] >= rules.min_distance):
-        return
-    if rules.min_distance == np.inf or world.diffuse_only[material]:
-        fetch_ahead(world, rules, block.pass_number[paths.camera_ray[i]], points, column)
-
-
-@hot_kernel
+@kernel
 def advance_paths(
     world,
     rules,
@@ -113,8 +100,6 @@ def advance_paths(
         column = i % RUN_ACROSS
         if column == 0:
             draw_across(rules, depth, paths.pixel, paths.sample, i, points)
-        if column + 1 < RUN_ACROSS and i + 1 < paths.camera_ray.size:
-            _fetch_ahead(world, rules, depth, block, paths, arrival, i + 1, points, column + 1)
         copy_path(paths, i, path, 0)
         _copy_arrival(arrival, i, vertex)
         pdf_area = arrival.pdf_area[i] if arrival.pdf_area.size else 0.0

@@ -56,7 +56,7 @@ from hybrid_rt.shading.kernels.scatter import (
     scatter_one,
 )
 from hybrid_rt.shading.kernels.texture import texture_color
-from meshing.kernels.jit import inlined, part
+from meshing.kernels.jit import inlined
 
 NOTHING = -1
 # Shadow rays of a vertex at most, without and with those by way of mirrors and glass: to a lamp, and of
@@ -182,7 +182,7 @@ def absorbed_on_the_way(world, paths, vertex, unclosed):
     paths.throughput[0, 2] *= b
 
 
-@part
+@inlined(cached=True)
 def emitted(world, rules, paths, vertex, depth, pdf_area):
     """Return the radiance that the ray has run into, MIS-weighted.
 
@@ -248,7 +248,7 @@ def look_up_surface(world, rules, paths, vertex):
     return spreads, mirrors
 
 
-@part
+@inlined(cached=True)
 def sample_light(world, rules, paths, vertex, vertices, depth, s, t, rays, n):
     """Next-event estimation: sample one light or the sky by (s, t); write row n of ``rays``.
 
@@ -296,7 +296,7 @@ def sample_light(world, rules, paths, vertex, vertices, depth, s, t, rays, n):
     return True
 
 
-@part
+@inlined(cached=True)
 def leave_vertex(
     world, rules, paths, vertex, depth, camera_pdf, number, points, column, branch, rays, n
 ):

@@ -107,7 +107,7 @@ def _aim(cones, total, choice, s, t):
     )
 
 
-@kernel
+@kernel(allocates=True)
 def launch_from_light(
     lights, textures, points, row, targets, n_spread, n_aimed, is_aimed, place, way, choice, cones,
     out,
@@ -181,7 +181,7 @@ def _targets_met(targets, px, py, pz, dx, dy, dz):
     return n
 
 
-@kernel
+@kernel(allocates=True)
 def launch_from_sky(sky, world, targets, n_spread, n_aimed, is_aimed, place, way, choice, out):
     """Emit photons from the environment, along directions importance-sampled by its radiance.
 

@@ -63,7 +63,7 @@ def _adjoint(geometric, i, normal, dx, dy, dz, x, y, z):
     return above / below if below > 0.0 else 0.0
 
 
-@kernel
+@kernel(allocates=True)
 def add_power(power, factor, total):
     """Add ``factor`` times the power (n, 3) of all photons to ``total`` (3,)."""
     r = g = b = 0.0
@@ -76,7 +76,7 @@ def add_power(power, factor, total):
     total[2] += factor * b
 
 
-@kernel
+@kernel(allocates=True)
 def store_photons(flight, material, gathers, least_history, position, normal, out):
     """Store photons that hit surfaces where density is estimated; return how many.
 
@@ -99,7 +99,7 @@ def store_photons(flight, material, gathers, least_history, position, normal, ou
     return n
 
 
-@kernel
+@kernel(allocates=True)
 def scatter_photons(
     lobes, material, colors, normal, geometric, ratio, position, object_id, xi, choice, second,
     goes_on, flight, fate, tally,
@@ -179,7 +179,7 @@ def scatter_photons(
         flight.history[i] |= MET_SPREADING if is_spread else MET_SPECULAR
 
 
-@kernel
+@kernel(allocates=True)
 def pack_flight(flight, fate, least, out):
     """Pick the photons whose fate is at least ``least``; return how many."""
     n = 0

@@ -29,7 +29,7 @@ from hybrid_rt.shading.kernels.light_kinds import (
 from hybrid_rt.shading.kernels.lobes.dielectric import reflectance_by
 from hybrid_rt.shading.kernels.lobes.register import EVERY
 from hybrid_rt.shading.kernels.medium_stack import ABSORPTION, IOR, NONE, STACK
-from meshing.kernels.jit import inlined, part
+from meshing.kernels.jit import inlined
 
 # The specular chain of a camera path since its last non-delta vertex, which decides what BSDF sampling is
 # weighted against:
@@ -98,7 +98,7 @@ def only_medium(stack, i):
     return found
 
 
-@part
+@inlined(cached=True)
 def end_of_way(world, vertex, light, s, t):
     """Sample a point of a light, or a direction of the sky, by (s, t).
 

@@ -37,7 +37,6 @@ from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.shading.kernels.bsdf import LobeTable
 from hybrid_rt.shading.kernels.light_kinds import SURFACE
 from hybrid_rt.shading.kernels.lobes.register import DELTA, DIFFUSE, SPREADS, TRANSMITS
-from meshing.kernels.prefetch import LINE
 
 # Dimensions of light paths, far from those of the camera's: light, place, direction, lens, then
 # two for each direction taken at a surface.
@@ -55,6 +54,8 @@ AT_ONCE = 2**16
 MOST_TOGETHER = 2**20
 # Of each light vertex that is kept, with what connections compare and the splat.
 PER_VERTEX = 600
+# Bytes of a line of the cache.
+LINE = 64
 
 
 @dataclass(frozen=True)

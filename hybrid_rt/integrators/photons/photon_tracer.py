@@ -9,6 +9,7 @@ are all passes together.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -115,25 +116,34 @@ class PhotonTracer:
         self._light = SurfaceLight(context)
         self.gathers = scene.materials_with(WIDE)
         self._spreads = scene.materials_with(SPREADS)
-        self._targets = Targets(np.zeros((0, 3)), np.zeros(0))
-        if context.plan["aimed photons"]:
-            throws = scene.materials_with(FOLLOWED)
-            self._targets = targets_of(scene, throws)
         self._powers = powers_of_lights(scene, self.world)
         sends = np.flatnonzero((self._powers[:-1] > 0.0) & context.plan["photons"])
         self._media_around = MediaAroundLights(context, contacts, sends.tolist())
 
+    @cached_property
+    def _targets(self) -> Targets:
+        """What photons are aimed at; eye passes that send none never ask."""
+        if not self.context.plan["aimed photons"]:
+            return Targets(np.zeros((0, 3)), np.zeros(0))
+        scene = self.context.scene
+        return targets_of(scene, scene.materials_with(FOLLOWED))
+
     def groups(self, photons_per_pass: int) -> list[Group]:
         """Allot the photons of a pass to lights by power; every light that emits gets some."""
         power, groups = self._powers, list[Group]()
+        share = self._shares(power / power.sum()) if power.any() else power
         aimed_share = AIMED_SHARE if self._targets.radius.size else 0.0
         for light in np.flatnonzero(power > 0.0):
-            n = max(round(photons_per_pass * power[light] / power.sum()), 2)
+            n = max(round(photons_per_pass * share[light]), 2)
             n_aimed = round(aimed_share * n)
             kinds = (False, True) if n_aimed else (False,)
             for is_aimed in kinds:
                 groups.append(Group(len(groups), int(light), is_aimed, n - n_aimed, n_aimed))
         return groups
+
+    def _shares(self, by_power: FloatArray) -> FloatArray:
+        """Return which part of the photons each light gets, from the parts by power."""
+        return by_power
 
     def shoot(
         self, group: Group, pass_number: int, first: int, stop: int, dimension: int, least: int

@@ -19,18 +19,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.ledger import Ledger
-from hybrid_rt.core.records import FloatArray
+from hybrid_rt.core.records import FloatArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import SurfaceLight
-from hybrid_rt.integrators.integrator import PIXEL_BITS
-from hybrid_rt.integrators.kernels.density_estimate import Sums
+from hybrid_rt.integrators.integrator import PIXEL_BITS, CameraBlock, place_of_pixel
+from hybrid_rt.integrators.kernels.density_estimate import Sums, splat_photons
 from hybrid_rt.integrators.kernels.photon_steps import MET_SPREADING, Flight, Photons
 from hybrid_rt.integrators.light_found import letters_of_lights
 from hybrid_rt.integrators.media.beginnings import MediaAroundCamera
 from hybrid_rt.integrators.media.contacts import Contacts
 from hybrid_rt.integrators.photons import PPM
 from hybrid_rt.integrators.photons.density_estimation import Discs, Field, Radii
-from hybrid_rt.integrators.photons.eye_pass import EyePass
+from hybrid_rt.integrators.photons.eye_pass import EyePass, PendingPoints
 from hybrid_rt.integrators.photons.light_tracing import shown_rows
 from hybrid_rt.integrators.photons.photon_groups import Group, sequence_of, size_for_discs
 from hybrid_rt.integrators.photons.photon_tracer import (
@@ -38,9 +38,10 @@ from hybrid_rt.integrators.photons.photon_tracer import (
     PER_LAUNCH,
     PER_STEP,
     PhotonTracer,
+    chosen,
     joined,
 )
-from hybrid_rt.integrators.shading import Shading
+from hybrid_rt.integrators.shading import NO_RATIO, Shading
 from hybrid_rt.materials.table import softened
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
@@ -59,6 +60,8 @@ from hybrid_rt.shading.kernels.lobes.register import (
 
 # Of more lights so many are chosen by each group of passes: each takes launches of its own.
 MOST_LIGHTS = 32
+# So large a part of the photons is spread evenly over lights.
+EVENLY = 0.25
 # The sequence of a photon stands above its number there, so all are followed together: that takes a
 # tenth of the time of following them group by group. As the sequence of all, the first one is named.
 BITS, ALL = np.uint64(32), 0
@@ -90,8 +93,21 @@ class Seen(NamedTuple):
     """What the camera sees directly of the photons of a pass of each group; n contributions."""
 
     number: NDArray[np.uint64]  # (n,), of the photon
+    pixel: NDArray[np.int64]  # (n,)
     value: FloatArray  # (n,), what it adds to the mean over pixels and channels
     is_highlight: NDArray[np.bool_]  # (n,), whether a narrow lobe shows it
+
+
+@dataclass(frozen=True)
+class Ends:
+    """Where n camera rays end on wide lobes, and from which distance on photons are connected to them.
+
+    Segments that long bound what one connection adds; see Keller, "Instant radiosity", SIGGRAPH 1997.
+    """
+
+    points: PendingPoints
+    n: int
+    reach: float
 
 
 class Probe(PhotonTracer):
@@ -147,20 +163,28 @@ class Probe(PhotonTracer):
         self.stored, self.number_of_stored = joined([]), np.zeros(0, dtype=np.uint64)
         self.lit, self.light = np.zeros((0, 3)), np.zeros(0)
         self._is_wide = scene.lobes_with(WIDE)
+        # Where all lobes are wide, photons go on by these.
+        self._connects = self.gathers & ~scene.materials_with(NARROW | DELTA | TRANSMITS)
         self._shows = scene.materials_with(NARROW) & beginnings.highlights
         self._softened = softened(scene.lobes) if self._shows.any() else None
 
-    def follow(self, photons_per_pass: int) -> Seen:
-        """Trace the photons of a pass of each group of passes; return what the camera sees."""
+    def follow(self, photons_per_pass: int, ends: Ends | None = None) -> Seen:
+        """Trace the photons of a pass of each group of passes; return what the camera sees.
+
+        With ``ends`` light between two wide lobes that are farther apart than its reach is found by
+        connections alone, and all other light by photons alone.
+        """
         context = self.context
         groups = self.groups(photons_per_pass)
-        seen = [Seen(np.zeros(0, dtype=np.uint64), np.zeros(0), np.zeros(0, dtype=np.bool_))]
+        none = np.zeros(0)
+        seen = [Seen(none.astype(np.uint64), none.astype(np.int64), none, none.astype(np.bool_))]
         if not groups:  # what shines is black
             return seen[0]
         mirrors = bool(context.scene.materials_with(FOLLOWED).any())
         stored, numbers = list[Photons](), [self.number_of_stored]
         lit, light = [self.lit], [self.light]
         flight = self._all_launched(groups)
+        connected = flight.number[:0]
         for depth in range(context.max_depth + 1):
             if flight.number.size == 0:
                 break
@@ -170,14 +194,19 @@ class Probe(PhotonTracer):
             # --- what the camera sees of it
             rows = np.flatnonzero(self.gathers[shading.material])
             if rows.size and (depth or self._direct):
-                seen.append(self._seen(flight, shading, rows, step, None))
                 lit.append(hits.position[rows])
                 wide = shading.colors[rows] * self._is_wide[shading.material[rows]][:, :, None]
                 light.append((flight.power[rows] * wide.sum(axis=1)).mean(axis=1))
+                # --- but for what connections have found
+                own = np.ones(rows.size, dtype=np.bool_)
+                if ends is not None:
+                    was_connected = np.isin(flight.number[rows], connected)
+                    own = ~(was_connected & (hits.t[rows] >= ends.reach))
+                seen.append(self._seen(flight, shading, rows[own], step, None))
                 if mirrors:
                     # Marked as shown: points that the camera sees directly do not gather them.
-                    stored.append(self._stored(flight, shading, rows, 0))
-                    numbers.append(flight.number[rows])
+                    stored.append(chosen(self._stored(flight, shading, rows, 0), own))
+                    numbers.append(flight.number[rows[own]])
             if self._softened is not None:
                 is_first = flight.history & MET_SPREADING == 0
                 rows = np.flatnonzero(self._shows[shading.material] & is_first)
@@ -192,6 +221,11 @@ class Probe(PhotonTracer):
                     ),
                 )
             goes_on = depth < context.max_depth
+            if ends is not None and goes_on:
+                in_the_open = (flight.media == NOTHING).all(axis=1)
+                rows = np.flatnonzero(self._connects[shading.material] & in_the_open)
+                connected = flight.number[rows]
+                seen.append(self._connected(flight, shading, rows, ends, step))
             if depth == 0 and self._direct:
                 self.begun += float(flight.power[shading.material >= 0].sum())
             flight = self._onward(flight, shading, second, ALL, step, goes_on)
@@ -200,6 +234,11 @@ class Probe(PhotonTracer):
         self.stored, self.number_of_stored = joined(stored), np.concatenate(numbers)
         self.lit, self.light = np.concatenate(lit), np.concatenate(light)
         return Seen(*(np.concatenate(columns) for columns in zip(*seen, strict=True)))
+
+    def _shares(self, by_power: FloatArray) -> FloatArray:
+        """Mostly by power, but `EVENLY`: a faint light may be all that lights a part of the picture."""
+        is_lit: FloatArray = (by_power > 0.0) / np.count_nonzero(by_power)
+        return (1.0 - EVENLY) * by_power + EVENLY * is_lit
 
     def _seen(
         self,
@@ -216,7 +255,51 @@ class Probe(PhotonTracer):
             lens = self._points(ALL, flight.number[rows], step + LENS)
         rows, splats = shown_rows(self.context, flight, shading, rows, lens, by_narrow)
         value = splats.value.sum(axis=1) / (3 * camera.width * camera.height)
-        return Seen(flight.number[rows], value, np.full(rows.size, by_narrow is not None))
+        is_highlight = np.full(rows.size, by_narrow is not None)
+        return Seen(flight.number[rows], splats.pixel, value, is_highlight)
+
+    def _connected(
+        self, flight: Flight, shading: Shading, rows: NDArray[np.intp], ends: Ends, step: int
+    ) -> Seen:
+        """Connect photons with an end of a camera ray each, chosen at random."""
+        scene, hits, geometric = self.context.scene, shading.hits, shading.geometric
+        n = ends.points.depth.size
+        xi = self._points(ALL, flight.number[rows], step + LENS)[:, 0]
+        point = ends.points.rows(np.minimum((xi * n).astype(np.intp), n - 1))
+        there = point.shading
+        way = hits.position[rows] - there.hits.position
+        distance = np.maximum(np.linalg.norm(way, axis=1), np.finfo(float).tiny)
+        # --- irradiance there, across the segment
+        irradiance, value = np.empty((rows.size, 3)), np.empty((rows.size, 3))
+        splat_photons(
+            scene.lobes, WIDE, shading.material[rows], shading.colors[rows], hits.normal[rows],
+            geometric[rows] if geometric.size else geometric, NO_RATIO, flight.direction[rows],
+            flight.power[rows], way, (distance >= ends.reach).astype(np.float64), irradiance,
+        )  # fmt: skip
+        # --- radiance back along the camera ray: no foreshortening as of photons on a surface
+        normal = there.geometric if there.geometric.size else there.hits.normal
+        direction = -way / distance[:, None]
+        arriving = np.abs(np.einsum("ij,ij->i", normal, direction))
+        facing = np.abs(np.einsum("ij,ij->i", normal, there.directions))
+        ratio = np.divide(arriving, facing, out=np.zeros(rows.size), where=facing > 0.0)
+        splat_photons(
+            scene.lobes, WIDE, there.material, there.colors, there.hits.normal, there.geometric,
+            NO_RATIO, direction, irradiance, there.directions, ratio, value,
+        )  # fmt: skip
+        value *= point.paths.throughput
+        sent = np.flatnonzero(value.any(axis=1))
+        source = NamedPoints(hits.object_id[rows[sent]], hits.position[rows[sent]])
+        target = NamedPoints(there.hits.object_id[sent], there.hits.position[sent])
+        blocked = self.context.tracer.occluded(
+            source.position, -way[sent], 1.0, source=source, target=target
+        )
+        sent = sent[~blocked]
+        return Seen(
+            flight.number[rows[sent]],
+            place_of_pixel(point.paths.pixel[sent]).astype(np.int64),
+            value[sent].sum(axis=1) * (n / (3.0 * ends.n)),
+            np.zeros(sent.size, dtype=np.bool_),
+        )
 
     def _all_launched(self, groups: list[Group]) -> Flight:
         """Launch photons of all lights and groups of passes; numbers tell their sequences."""
@@ -246,6 +329,15 @@ class View(EyePass):
     context : RenderContext
     dimension : int
         That of the random numbers of their places in the picture.
+
+    Attributes
+    ----------
+    place : (n,) int64
+        The pixels of the last camera rays, row by row. Written.
+    points : PendingPoints or None
+        Where they ended on wide lobes. Written.
+    gathered : (n,) float64
+        What photons gave them, the mean of the channels. Written.
     """
 
     def __init__(self, context: RenderContext, dimension: int) -> None:
@@ -255,31 +347,46 @@ class View(EyePass):
         self._light = SurfaceLight(context, UNWEIGHTED, EVERY)
         self._radii = Radii.fixed(RADIUS * size_for_discs(context))
         self._dimension = dimension
-        self._sum = 0.0
+        self.place, self.gathered = np.zeros(0, dtype=np.int64), np.zeros(0)
+        self.points: PendingPoints | None = None
+
+    def _add_at(self, points: PendingPoints, block: CameraBlock, radiance: FloatArray) -> None:
+        self.points = points
+        super()._add_at(points, block, radiance)
 
     def radiance(self, photons: Photons, group: int, n: int) -> FloatArray:
         """Return the radiance (n,) of camera rays spread over the picture, the mean of the channels."""
         scene, sampler = self.context.scene, self.context.sampler
         self.fields = (Discs(photons, scene.lobes, self._radii, 1.0),) if photons.power.size else ()
-        self._sum = 0.0
+        self.gathered, self.points = np.zeros(n), None
         sample = np.arange(n, dtype=np.uint64)
         name = np.full(n, group, dtype=np.uint64)
         place = np.arange(n) + sampler.points(name, self._dimension, sample)[:, 0]
         n_pixels = scene.camera.width * scene.camera.height
-        pixel = np.minimum(place * (n_pixels / n), n_pixels - 1).astype(np.uint64)
-        found: FloatArray = self.radiance_through(pixel + (name << PIXEL_BITS), sample).mean(axis=1)
+        self.place = np.minimum(place * (n_pixels / n), n_pixels - 1).astype(np.int64)
+        pixel = self.place.astype(np.uint64) + (name << PIXEL_BITS)
+        found: FloatArray = self.radiance_through(pixel, sample).mean(axis=1)
         return found
 
-    def gathered(self, photons: Photons, group: int, n: int) -> float:
-        """Return what photons alone add to the mean of the picture, by n such rays."""
-        self.radiance(photons, group, n)
-        return self._sum / (3 * n)
+    def gather_photons(self, photons: Photons, group: NDArray[np.intp]) -> None:
+        """Let the last camera rays gather photons, in turn those of each group of passes."""
+        if self.points is None:
+            return
+        ray = self.points.paths.camera_ray
+        for k in range(GROUPS):
+            mine = Photons(*(column[group == k] for column in photons))
+            rows = np.flatnonzero(ray % GROUPS == k)
+            if mine.power.size and rows.size:
+                self.fields = (Discs(mine, self.context.scene.lobes, self._radii, 1.0),)
+                unused = np.zeros((2, self.gathered.size, 3))
+                self._gather(self.points.rows(rows), unused[0], unused[1])
 
     def _note_gathered(
         self, field: Field, camera_ray: NDArray[np.int64], throughput: FloatArray, sums: Sums
     ) -> None:
-        del field, camera_ray
-        self._sum += float((throughput * sums.value).sum())
+        del field
+        given = (throughput * sums.value).mean(axis=1)
+        self.gathered += np.bincount(camera_ray, given, minlength=self.gathered.size)
 
 
 def context_for_photons(
@@ -310,6 +417,27 @@ def first_surfaces(found: str, light: str, which: Callable[[Iterable[bool]], boo
         for first in TRAITS
         if which(re.fullmatch(found, f"{light}{first}{end}") is not None for end in ends)
     )
+
+
+def beginnings_of(
+    scene: CompiledScene, begin: Callable[[str], tuple[str, bool, bool]]
+) -> list[Beginnings]:
+    """Return how paths begin, the lights that are alike together.
+
+    Parameters
+    ----------
+    scene : CompiledScene
+    begin : callable
+        What `Beginnings` holds for the letter of a light.
+    """
+    letters = dict.fromkeys(letters_of_lights(scene).tolist())
+    if scene.environment is not None:
+        letters["K"] = None
+    lights: dict[tuple[str, bool, bool], str] = {}
+    for light in letters:
+        if any(key := begin(light)):
+            lights[key] = lights.get(key, "") + light
+    return [Beginnings(names, *key) for key, names in lights.items()]
 
 
 def probe_of(

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -21,18 +22,16 @@ from hybrid_rt.core.ledger import twelve_digits
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.photon_steps import LOST, Photons
-from hybrid_rt.integrators.light_found import letters_of_lights
 from hybrid_rt.integrators.photons.figures import LightNotFound
 from hybrid_rt.integrators.photons.probe import (
     TRAITS,
-    Beginnings,
     Probe,
     View,
+    beginnings_of,
     first_surfaces,
     group_of_photons,
     probe_of,
 )
-from hybrid_rt.scene.compiled import CompiledScene
 from hybrid_rt.sensor.film import OVERFLOWS
 from hybrid_rt.sensor.intervals import STUDENT
 from hybrid_rt.sensor.passes import GROUPS
@@ -72,7 +71,7 @@ def unfound_light(context: RenderContext, found: str) -> LightNotFound | None:
     n = min(max(camera.width * camera.height, FEWEST_PHOTONS), MOST_PHOTONS)
     means, is_measured, n_photons = np.zeros(GROUPS), False, 0
     is_mixed, begun, lost = False, 0.0, 0.0
-    for beginnings in _beginnings(found, context.scene):
+    for beginnings in beginnings_of(context.scene, partial(_begin, found)):
         try:
             tracer = probe_of(context, beginnings, _depth(context), UNFOUND_DIMENSION)
         except ValueError:  # photons cannot be distributed uniformly on what has no end
@@ -118,20 +117,13 @@ def _mean_by_group(tracer: Probe, photons_per_pass: int) -> FloatArray:
         group = group_of_photons(tracer.number_of_stored)
         for k in range(GROUPS):
             mine = Photons(*(column[group == k] for column in tracer.stored))
-            total[k] += view.gathered(mine, k, RAYS * photons_per_pass)
+            view.radiance(mine, k, RAYS * photons_per_pass)
+            total[k] += view.gathered.mean()
     return total
 
 
-def _beginnings(found: str, scene: CompiledScene) -> list[Beginnings]:
-    """Return what begins paths that are not found, the lights that are alike together."""
-    letters = dict.fromkeys(letters_of_lights(scene).tolist())
-    if scene.environment is not None:
-        letters["K"] = None
-    lights: dict[tuple[str, bool], str] = {}
-    for light in letters:
-        some = first_surfaces(found, light, any)
-        firsts = "".join(first for first in TRAITS if first not in some)
-        direct = not re.fullmatch(found, f"{light}DE")
-        if firsts or direct:
-            lights[firsts, direct] = lights.get((firsts, direct), "") + light
-    return [Beginnings(names, *key) for key, names in lights.items()]
+def _begin(found: str, light: str) -> tuple[str, bool, bool]:
+    """Return the surfaces behind which no path of a light is found, and whether its direct light is not."""
+    some = first_surfaces(found, light, any)
+    firsts = "".join(first for first in TRAITS if first not in some)
+    return firsts, not re.fullmatch(found, f"{light}DE"), False

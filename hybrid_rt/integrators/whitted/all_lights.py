@@ -1,20 +1,37 @@
-"""Direct light from every light at every hit, as in Whitted's method."""
+"""Direct light from every light at every hit, as in Whitted's method; of very many lights from some."""
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray, IntArray
 from hybrid_rt.integrators.direct_light import SurfaceLight, shadow_rays
+from hybrid_rt.integrators.integrator import BLOCK
 from hybrid_rt.integrators.kernels.compaction import ShadowRays
 from hybrid_rt.integrators.shading import NO_RATIO, Shading
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.shading.kernels.bsdf import sample_lobes
 from hybrid_rt.shading.kernels.environment import PICTURE
 
+# Of more lights so many are sampled at each hit, in proportion to their power: its time does not grow.
+MOST_LIGHTS = 32
+
+
+class _Sample(NamedTuple):
+    """A light for each hit, the dimension of its random numbers, and a weight if it was chosen."""
+
+    dimension: int
+    light_id: IntArray
+    weight: FloatArray | None
+
 
 class AllLights(SurfaceLight):
-    """A `SurfaceLight` that samples all lights at each hit; same parameters."""
+    """A `SurfaceLight` that samples all lights at each hit, up to `MOST_LIGHTS`; same parameters."""
 
     def from_all(
         self,
@@ -37,26 +54,61 @@ class AllLights(SurfaceLight):
         """
         context, n = self._context, len(shading.hits)
         # Planes that shine have no end, so no point can be sampled on them; what is dark sends nothing.
-        lights = np.flatnonzero(context.scene.lights.chance[:-1]).tolist()
+        lights = np.flatnonzero(context.scene.lights.chance[:-1])
         if not context.plan["light samples"]:
-            lights = []
+            lights = lights[:0]
+        total = np.zeros((n, 3))
+        samples = self._of_each(lights, n)
+        if lights.size > MOST_LIGHTS:
+            xi = context.sampler.points(pixel, dimension + np.uint64(MOST_LIGHTS), pass_number)
+            samples = self._of_some(lights, xi[:, 0])
         if context.plan["sky samples"]:
-            lights.append(context.scene.n_lights)
-        rays, n_rays = shadow_rays(len(lights) * n), 0
-        ones, total = np.ones((n, 3)), np.zeros((n, 3))
-        for light in lights:
-            xi = context.sampler.points(pixel, dimension + np.uint64(light), pass_number)
-            light_id = np.full(n, light, dtype=np.int32)
-            if light == context.scene.n_lights and context.scene.sky.kind != PICTURE:
+            samples = itertools.chain(samples, self._of_each(np.array([context.scene.n_lights]), n))
+        # Memory is bounded by the block of camera rays: not all lights at once.
+        together = max(BLOCK // max(n, 1), 1)
+        while some := list(itertools.islice(samples, together)):
+            self._add(some, shading, media, (pixel, dimension, pass_number), total)
+        return total
+
+    def _of_each(self, lights: NDArray[np.intp], n: int) -> Iterator[_Sample]:
+        for light in lights.tolist():
+            yield _Sample(light, np.full(n, light, dtype=np.int32), None)
+
+    def _of_some(self, lights: NDArray[np.intp], xi: FloatArray) -> Iterator[_Sample]:
+        """Choose `MOST_LIGHTS` lights for each hit by systematic sampling of their power."""
+        chance = self._context.scene.lights.chance[lights]
+        chance = chance / chance.sum()
+        before = np.cumsum(chance)
+        for k in range(MOST_LIGHTS):
+            row = np.searchsorted(before, (k + xi) / MOST_LIGHTS, side="right")
+            row = np.minimum(row, lights.size - 1)
+            yield _Sample(k, lights[row].astype(np.int32), 1.0 / (MOST_LIGHTS * chance[row]))
+
+    def _add(
+        self,
+        samples: Sequence[_Sample],
+        shading: Shading,
+        media: IntArray,
+        keys: tuple[UIntArray, UIntArray, UIntArray],
+        total: FloatArray,
+    ) -> None:
+        """Add what some of the lights send, and nothing blocks."""
+        context, n = self._context, len(shading.hits)
+        pixel, dimension, pass_number = keys
+        rays, n_rays, ones = shadow_rays(len(samples) * n), 0, np.ones((n, 3))
+        for own_dimension, light_id, weight in samples:
+            xi = context.sampler.points(pixel, dimension + np.uint64(own_dimension), pass_number)
+            if own_dimension == context.scene.n_lights and context.scene.sky.kind != PICTURE:
                 to_light, value = self._sample_sky_by_lobes(shading, xi)
             else:
                 to_light, value = self._sample_lights(shading, light_id, xi)
+            if weight is not None:
+                value *= weight[:, None]
             rest = ShadowRays(*(column[n_rays:] for column in rays))
             n_rays += self._pack(
                 shading, np.arange(n), ones, media, light_id, to_light, value, rest
             )
         self.add_unblocked(rays, n_rays, total)
-        return total
 
     def _sample_sky_by_lobes(
         self, shading: Shading, xi: FloatArray

@@ -1,8 +1,8 @@
 """Whitted ray tracing: direct light, mirrors and glass; a batch of rays, one level of depth at a time.
 
 Whitted, "An improved illumination model for shaded display", CACM 23(6), 1980. Diffuse and glossy
-surfaces are lit directly by every light; at mirrors and glass the reflected and the refracted ray
-are both followed. Glass casts a full shadow: caustics need photons or light subpaths.
+surfaces are lit directly by every light (where there are more than 32, by 32 sampled in proportion
+to their power); at mirrors and glass the reflected and the refracted ray are both followed. Glass casts a full shadow: caustics need photons or light subpaths.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from hybrid_rt.intersection.kernels.search.tolerances import (
     TANGENT_BAND,
     UNIT_ROUNDOFF,
 )
-from meshing.kernels.jit import hot_kernel, inlined, inner
+from meshing.kernels.jit import inlined, inner, kernel
 
 
 class BoxTable(NamedTuple):
@@ -178,14 +178,14 @@ def offer_box(i, k, table, rays, best):
         best.doubt[i] = min(best.doubt[i], goes_on)
 
 
-@hot_kernel
+@kernel
 def trace_boxes(table, end, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on the boxes up to row ``end``."""
     for i in range(rays.origin.shape[0]):
         offer_each(i, offer_box, end, table, rays, best, any_hit)
 
 
-@hot_kernel
+@kernel
 def trace_box_tree(table, members, rays, best, any_hit, stack, counters):
     """As `trace_boxes`, for the boxes in a tree."""
     for i in range(rays.origin.shape[0]):
@@ -222,7 +222,7 @@ def finish_box(table, k, rays, best, i, out):
     out.residual[i] = np.sqrt(gap)
 
 
-@hot_kernel
+@kernel
 def finish_boxes(table, rays, best, row_of, out):
     """Describe the hits on boxes."""
     for i in range(best.t.shape[0]):

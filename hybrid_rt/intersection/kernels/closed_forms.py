@@ -20,7 +20,7 @@ from hybrid_rt.intersection.kernels.search.rays import (
     scaled_limit,
 )
 from hybrid_rt.intersection.kernels.sphere import finish_sphere, offer_spheres
-from meshing.kernels.jit import inlined, part
+from meshing.kernels.jit import inlined
 
 SPHERE, RECTANGLE, PLANE, BOX = 0, 1, 2, 3
 
@@ -66,7 +66,7 @@ def _start(direction, i, t_max, ray):
     return unit
 
 
-@part
+@inlined(cached=True)
 def first_hit(forms, source_id, direction, ray):
     """Find the first hit of the ray from ``ray.rays.origin[0]`` along ``direction[0]``.
 
@@ -98,7 +98,7 @@ def first_hit(forms, source_id, direction, ray):
     complete_row(0, rays.direction, unit, best, ray.record)
 
 
-@part
+@inlined(cached=True)
 def is_occluded(forms, shadow, i, ray):
     """Tell whether anything lies on shadow ray i, a row of `ShadowRays`."""
     rays, best = ray.rays, ray.best

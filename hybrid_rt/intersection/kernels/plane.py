@@ -19,7 +19,7 @@ from hybrid_rt.intersection.kernels.search.tolerances import (
     TANGENT_BAND,
     UNIT_ROUNDOFF,
 )
-from meshing.kernels.jit import hot_kernel, inlined, inner
+from meshing.kernels.jit import inlined, inner, kernel
 
 
 class PlaneTable(NamedTuple):
@@ -99,7 +99,7 @@ def offer_plane(i, k, table, rays, best):
     )  # fmt: skip
 
 
-@hot_kernel
+@kernel
 def trace_planes(table, end, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on the planes up to row ``end``."""
     for i in range(rays.origin.shape[0]):
@@ -125,7 +125,7 @@ def finish_plane(table, k, rays, best, i, out):
     out.residual[i] = abs(gap)
 
 
-@hot_kernel
+@kernel
 def finish_planes(table, rays, best, row_of, out):
     """Describe the hits on planes."""
     for i in range(best.t.shape[0]):

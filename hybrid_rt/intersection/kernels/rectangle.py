@@ -35,7 +35,7 @@ from hybrid_rt.intersection.kernels.search.tolerances import (
     UNIT_ROUNDOFF,
 )
 from hybrid_rt.intersection.kernels.search.trims import NEARBY, decide, has_gap, side_of_tile
-from meshing.kernels.jit import hot_kernel, inlined, inner, outlined
+from meshing.kernels.jit import inlined, inner, kernel
 from meshing.kernels.trims import CROSSED, INSIDE, OUTSIDE
 
 # Rounding of the height of a point of a parallelogram, over its size: 12 + 4 units, see below.
@@ -110,7 +110,7 @@ def _is_skew(edge_u, row_u, k):
     return e * p > 16.0
 
 
-@outlined
+@inner(outlined=True)
 def _weights(i, k, t, table, rays):
     """Return (u, v) of the point at t of ray i, which is within the rim of parallelogram k."""
     o, d, c = rays.origin[i], rays.direction[i], table.corner[k]
@@ -365,14 +365,14 @@ def offer_parallelograms(i, end, table, rays, best, any_hit):
             mask >>= NEXT
 
 
-@hot_kernel
+@kernel
 def trace_rectangles(table, end, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on the parallelograms up to row ``end``."""
     for i in range(rays.origin.shape[0]):
         offer_parallelograms(i, end, table, rays, best, any_hit)
 
 
-@hot_kernel
+@kernel
 def trace_rectangle_tree(table, members, rays, best, any_hit, stack, counters):
     """As `trace_rectangles`, for the parallelograms in a tree."""
     for i in range(rays.origin.shape[0]):
@@ -410,7 +410,7 @@ def is_edge(k, u, v, d, trim, table):
     return edge > 0.0
 
 
-@hot_kernel
+@kernel
 def finish_rectangles(table, rays, best, row_of, out):
     """Describe the hits on parallelograms."""
     for i in range(best.t.shape[0]):

@@ -38,7 +38,7 @@ from hybrid_rt.intersection.kernels.search.nearest import doubt, offer
 from hybrid_rt.intersection.kernels.search.rays import EDGE
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.trims import NEARBY, has_gap, side_of_tile
-from meshing.kernels.jit import hot_kernel, inlined, inner
+from meshing.kernels.jit import inlined, inner, kernel
 from meshing.kernels.trims import CROSSED, INSIDE, OUTSIDE
 
 # An origin is beside a sphere where |o - c|^2 - r^2 is below this part of r^2.
@@ -261,7 +261,7 @@ def offer_spheres(i, first, end, table, rays, best, any_hit):
             mask >>= NEXT
 
 
-@hot_kernel
+@kernel
 def trace_spheres(table, end, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on the spheres up to row ``end``."""
     for i in range(rays.origin.shape[0]):
@@ -277,7 +277,7 @@ def _offer_if_near(i, k, table, rays, best):
         offer_sphere(i, k, table, rays, best)
 
 
-@hot_kernel
+@kernel
 def trace_sphere_tree(table, members, rays, best, any_hit, stack, counters):
     """As `trace_spheres`, for the spheres in a tree."""
     for i in range(rays.origin.shape[0]):
@@ -329,7 +329,7 @@ def is_edge(i, k, t, trim, table, rays):
     return _side_of_root(i, k, t, 0.0, trim, table, rays)[2] > 0.0
 
 
-@hot_kernel
+@kernel
 def finish_spheres(table, rays, best, row_of, out):
     """Describe the hits on spheres; ``row_of`` (objects,) is the object's row here or -1."""
     for i in range(best.t.shape[0]):

@@ -29,7 +29,7 @@ from hybrid_rt.intersection.kernels.search.nearest import (
 )
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import box_ray, next_leaf
-from meshing.kernels.jit import hot_kernel, inlined, inner
+from meshing.kernels.jit import inlined, inner, kernel
 
 # |n.d| below which a triangle's weights would lose more than a digit.
 SLIVER = 3e-2
@@ -274,7 +274,7 @@ def _axes(d):
     return (kz + 1) % 3, (kz + 2) % 3, kz
 
 
-@hot_kernel
+@kernel
 def trace_triangles(table, tree, rays, aside, best, any_hit, stack, counters):
     """Lower ``best`` to the first hits on triangles; ``stack`` is scratch.
 
@@ -311,7 +311,7 @@ def trace_triangles(table, tree, rays, aside, best, any_hit, stack, counters):
             t_cut = end_of(best.t[i], table.to_frame, shift)
 
 
-@hot_kernel
+@kernel
 def rows_of_faces(hits, triangles, first_face, place, row):
     """Turn coarse hits into rows of `corner` (-1: no hit, or not on a mesh)."""
     for i in range(hits.face.shape[0]):
@@ -321,7 +321,7 @@ def rows_of_faces(hits, triangles, first_face, place, row):
             row[i] = place[first_face[triangles.object_id[f]] + triangles.piece[f]]
 
 
-@hot_kernel
+@kernel
 def refine_triangles(table, place, rows, rays, best, accepted):
     """Offer the coarse stage's own faces, met in float64."""
     for j in range(place.shape[0]):
@@ -336,7 +336,7 @@ def refine_triangles(table, place, rows, rays, best, accepted):
         accepted[j] = best.t[i] < before
 
 
-@hot_kernel
+@kernel
 def finish_triangles(table, rays, best, kind_of, kind, out):
     """Describe the hits on triangles."""
     for i in range(best.t.shape[0]):
@@ -362,7 +362,7 @@ def finish_triangles(table, rays, best, kind_of, kind, out):
         out.residual[i] = np.sqrt(gap)
 
 
-@hot_kernel
+@kernel
 def aim_at_triangles(table, rays, best, rows, bands, outward, is_edge):
     """Say where to move rays whose hits are `SUSPECT`; see `kernels.patch.finish.aim_at_patches`."""
     for j in range(rows.shape[0]):

@@ -24,7 +24,7 @@ from hybrid_rt.intersection.kernels.search.tolerances import (
     TANGENT_BAND,
     UNIT_ROUNDOFF,
 )
-from meshing.kernels.jit import hot_kernel, inlined, inner
+from meshing.kernels.jit import inlined, inner, kernel
 
 
 class TurnedBoxTable(NamedTuple):
@@ -242,14 +242,14 @@ def _offer_turned_box(i, k, table, rays, best):
         best.doubt[i] = min(best.doubt[i], goes_on)
 
 
-@hot_kernel
+@kernel
 def trace_turned_boxes(table, end, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on the boxes up to row ``end``."""
     for i in range(rays.origin.shape[0]):
         offer_each(i, _offer_turned_box, end, table, rays, best, any_hit)
 
 
-@hot_kernel
+@kernel
 def trace_turned_box_tree(table, members, rays, best, any_hit, stack, counters):
     """As `trace_turned_boxes`, for the boxes in a tree."""
     for i in range(rays.origin.shape[0]):
@@ -316,7 +316,7 @@ def _describe_face(table, k, face, x, y, z, i, out):
     return other, np.sqrt(gap)
 
 
-@hot_kernel
+@kernel
 def finish_turned_boxes(table, rays, best, row_of, out):
     """Describe the hits on boxes."""
     for i in range(best.t.shape[0]):

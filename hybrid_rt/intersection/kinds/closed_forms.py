@@ -104,7 +104,8 @@ def closed_forms(kinds: Sequence[Any], kind_of: IntArray, reach: FloatArray) -> 
         The ``rounding_reach`` of each surface.
     """
     names = [getattr(kind, "alone", "") for kind in kinds]
-    if not all(names):
+    # Of surfaces in several frames there are several kinds of one name.
+    if not all(names) or len(set(names)) < len(names):
         return None
     from hybrid_rt.intersection.kernels import closed_forms as kernels
     from hybrid_rt.intersection.kernels.box import box_table

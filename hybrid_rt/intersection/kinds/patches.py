@@ -35,16 +35,21 @@ from hybrid_rt.intersection.kernels.patch.trace import (
     settle_doubts,
     trace_patches,
 )
-from hybrid_rt.intersection.kernels.search.coarse import CoarseHits, guess_cells
+from hybrid_rt.intersection.kernels.search.coarse import (
+    CoarseHits,
+    CoarseTriangles,
+    guess_cells,
+)
+from hybrid_rt.intersection.kernels.search.counters import NEWTONS
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tolerances import DEPTH, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_stack
 from hybrid_rt.intersection.kind import Finished, rows_of, widen_bounds
 from hybrid_rt.intersection.kinds.closed_poles import closed_poles
-from hybrid_rt.intersection.margins import Aim, suspects
+from hybrid_rt.intersection.margins import Aim, Rows, suspects
 from hybrid_rt.intersection.margins import settle as settle_rows
 from hybrid_rt.intersection.sheets import Sheets
-from hybrid_rt.intersection.trims import may_hold_hits, trim_of, trimmed_of, whole_of
+from hybrid_rt.intersection.trims import may_hold_hits, no_trim, trim_of, trimmed_of, whole_of
 from meshing import BezierPatches, TrimmedSurface
 from meshing.bezier import RationalPatches
 from meshing.sheet import PatchSheet
@@ -167,6 +172,8 @@ class PatchKind:
             trim=trim,
             **_cells(nets, max(finest, COARSEST), pool),
         )
+        # What one compilation of rare code serves for all: it is told at run time what hot code knows.
+        self._told = self.table._replace(rational=bool(rational), trim=trim or no_trim())
         # The sum of `rounding_of_root` has room for one rounding of a patch's size.
         moved = np.repeat([s.moved for _, s in surfaces], counts)
         self._moved = np.where(moved * to_frame > UNIT_ROUNDOFF * size, moved, 0.0)
@@ -231,7 +238,7 @@ class PatchKind:
             )  # fmt: skip
             if n_doubts:
                 settle_doubts(
-                    self.table, some, aside[begin:], nearest, any_hit, scratch, n_doubts, work
+                    self._told, some, aside[begin:], nearest, any_hit, scratch, n_doubts, work
                 )
             begin += done
 
@@ -254,10 +261,27 @@ class PatchKind:
         accepted: BoolArray,
     ) -> None:
         """Refine coarse hits on their patches by Newton iteration; lower ``best`` to them."""
+        accepted |= self._refine(
+            hits, coarse.triangles, self._first_of(coarse), rows, rays, _NOT_MOVED, best
+        )
+
+    def _refine(
+        self,
+        hits: CoarseHits,
+        triangles: CoarseTriangles,
+        first: NDArray[np.int64],
+        rows: NDArray[np.int64],
+        rays: Rays,
+        aside: FloatArray,
+        best: Nearest,
+    ) -> BoolArray:
+        """Refine hits on triangles for rays moved by ``aside``, world; return which were accepted."""
+        accepted = np.zeros(len(rows), np.bool_)
         refine_patches(
-            self.table, hits, coarse.triangles, self._first_of(coarse), rows, rays, best,
-            self._new_basis(), accepted,
+            self._told, hits, triangles, first, rows, rays, self.table.to_frame * aside, best,
+            _new_basis(self.table), accepted,
         )  # fmt: skip
+        return accepted
 
     def settle(
         self,
@@ -274,19 +298,30 @@ class PatchKind:
             return
         table, n = self.table, len(rows)
         aim = Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
-        aim_at_patches(table, rays, best, out, rows, self._new_basis(), *aim)
+        aim_at_patches(self._told, rays, best, out, rows, _new_basis(table), *aim)
 
-        def retrace(probes: Rays, aside: FloatArray, nearest: Nearest) -> None:
-            aside *= table.to_frame
-            self._trace(probes, aside, _NO_CELLS, nearest, False, np.empty(0), work)
+        def follow(probes: Rays, which: Rows, aside: FloatArray, nearest: Nearest) -> None:
+            # A point stands for a triangle, of which the first corner counts.
+            k, m = best.primitive[which], len(which)
+            corners = np.repeat(np.column_stack([best.a[which], best.b[which]])[:, None], 3, axis=1)
+            points = CoarseTriangles(
+                np.empty((0, 3)), np.empty((0, 3), np.int64), table.object_id[k], table.patch_id[k],
+                corners,
+            )  # fmt: skip
+            starts = CoarseHits(
+                np.arange(m, dtype=np.int32), best.t[which], np.zeros(m), np.zeros(m)
+            )
+            self._refine(starts, points, self._first_patch, np.arange(m), probes, aside, nearest)
+            work[NEWTONS] += m
+
+        def retrace(probes: Rays, _: Rows, aside: FloatArray, nearest: Nearest) -> None:
+            moves = table.to_frame * aside
+            self._trace(probes, moves, _NO_CELLS, nearest, False, np.empty(0), work)
 
         def describe(probes: Rays, nearest: Nearest, found: Finished) -> None:
             self.finish(probes, nearest, kind_of, kind, found)
 
-        settle_rows(rows, rays, best, out, aim, 1.0 / table.to_frame, retrace, describe)
-
-    def _new_basis(self) -> FloatArray | None:
-        return _new_basis(self.table)
+        settle_rows(rows, rays, best, out, aim, 1.0 / table.to_frame, [follow, retrace], describe)
 
     def _first_of(self, coarse: Coarse) -> NDArray[np.int64]:
         """Return for each object its first patch here, -1 for objects of other kinds."""
@@ -298,7 +333,7 @@ class PatchKind:
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
     ) -> None:
         """Describe the hits that are on patches."""
-        finish_patches(self.table, rays, best, kind_of, kind, self._new_basis(), out)
+        finish_patches(self._told, rays, best, kind_of, kind, _new_basis(self.table), out)
         widen_bounds(self._moved, rays, best, kind_of, kind, out)
         if self._sheets is not None:
             self._sheets.finish(best.object_id, out)
@@ -420,10 +455,8 @@ def _longest(vectors: FloatArray) -> float:
     return float(np.linalg.norm(vectors, axis=-1).max(initial=0.0))
 
 
-def _new_basis(table: PatchTable) -> FloatArray | None:
-    """Return scratch for Bernstein polynomials, None where all patches are bicubic."""
-    if (table.degree == 3).all():
-        return None
+def _new_basis(table: PatchTable) -> FloatArray:
+    """Return scratch for Bernstein polynomials."""
     return np.empty((4, int(table.degree.max()) + 1))
 
 
@@ -431,9 +464,9 @@ def _new_scratch(table: PatchTable, tree: Tree, n_rays: int) -> PatchScratch:
     """Return scratch for one call of `trace_patches`."""
     widest = int(table.degree.max()) + 1
     return PatchScratch(
-        basis=_new_basis(table),
-        nets=np.empty((DEPTH, widest, widest, 4 if table.rational else 3)),
-        room=np.empty((widest, widest, 3)) if table.rational else None,
+        basis=None if (table.degree == 3).all() else _new_basis(table),
+        nets=np.empty((DEPTH, widest, widest, 4)),
+        room=np.empty((widest, widest, 3)),
         boxes=np.empty((DEPTH, 4)),
         stack=new_stack(tree, MORE),
         # Room for every record once, by one ray; memory that is not touched costs nothing.

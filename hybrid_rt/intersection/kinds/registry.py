@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -18,7 +17,8 @@ from hybrid_rt.core.records import IntArray
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kind import CurvedKind, Kind
 from hybrid_rt.intersection.kinds.closed_forms import ClosedForm
-from hybrid_rt.intersection.members import asked_by_all
+from hybrid_rt.intersection.members import asked_by_all, in_frames
+from hybrid_rt.intersection.trims import whole_of
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.primitives.box import TurnedBox
@@ -59,9 +59,6 @@ class Entry:
     build : callable
         Takes members, accuracy and a pool, returns the kind. It imports the kernels, so those that
         a scene does not need are not loaded.
-    kernels : callable
-        Takes surfaces and the accuracy ("alone" without Embree), returns the names of kernel groups
-        for `hybrid_rt.core.precompile`.
     by_embree : tuple of str
         Accuracies at which they have a coarse stage.
     """
@@ -69,7 +66,6 @@ class Entry:
     surface: type[Surface]
     name: str
     build: Callable[[Members, str, Pool], Any]
-    kernels: Callable[[Sequence[Any], str], list[str]]
     by_embree: tuple[str, ...] = ()
 
 
@@ -118,16 +114,9 @@ def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
     return tuple(surfaces)
 
 
-def kernel_groups(surfaces: Sequence[Surface], accuracy: str, coarse: str) -> list[str]:
-    """Return the kernel groups (`hybrid_rt.core.precompile`) that first hits and shadows need."""
-    way = accuracy if coarse == "embree" else "alone"
-    members = _members_of(surfaces)
-    return [
-        group
-        for entry in ALL_ENTRIES
-        if members[entry.name]
-        for group in entry.kernels([surface for _, surface in members[entry.name]], way)
-    ]
+def by_entry(surfaces: Sequence[Surface]) -> list[list[Surface]]:
+    """Return checked surfaces sorted by their entries; of those that go together one list each."""
+    return [[surface for _, surface in found] for found in _members_of(surfaces).values() if found]
 
 
 def takes_single_rays(surfaces: Sequence[Surface]) -> bool:
@@ -169,21 +158,35 @@ def make_kinds(surfaces: Sequence[Surface], accuracy: str, pool: Pool) -> Kinds:
             if not members:
                 kinds.plan["left_out"][entry.name] = "the scene has none"
                 continue
-            rows = [i for i, _ in members]
             if goes_to_embree:
                 kinds.in_embree.extend(members)
             if goes_to_embree and accuracy == "mesh":
                 kinds.plan["left_out"][entry.name] = (
                     'accuracy="mesh" takes the triangles as they are'
                 )
-                kinds.kind_of[rows] = len(kinds.direct)
+                kinds.kind_of[[i for i, _ in members]] = len(kinds.direct)
                 continue
-            kinds.kind_of[rows] = len(kinds.direct) + len(kinds.curved)
-            kind = entry.build(members, accuracy, pool)
-            (kinds.curved if goes_to_embree else kinds.direct).append(kind)
-            kinds.plan["used"][entry.name] = f"{len(members)}, lamps included"
+            groups = _in_frames(members)
+            for group in groups:
+                kinds.kind_of[[i for i, _ in group]] = len(kinds.direct) + len(kinds.curved)
+                kind = entry.build(group, accuracy, pool)
+                (kinds.curved if goes_to_embree else kinds.direct).append(kind)
+            in_frames = f", in {len(groups)} frames by size and place" if len(groups) > 1 else ""
+            kinds.plan["used"][entry.name] = f"{len(members)}, lamps included{in_frames}"
     kinds.in_embree.sort(key=lambda member: member[0])
     return kinds
+
+
+def _in_frames(members: Members) -> list[Members]:
+    """Sort surfaces of one class into those that share a frame; without frame or tree, all do."""
+    if len(members) == 1 or not all(surface.is_bounded for _, surface in members):
+        return [members]
+    _, whole = whole_of(members[:1])[0]
+    many = next((n for of, n in MANY.items() if isinstance(whole, of)), 0)
+    if many and asked_by_all(np.array([surface.size for _, surface in members]), many).all():
+        return [members]
+    bounds = np.array([surface.bounds for _, surface in members])
+    return [[members[k] for k in rows] for rows in in_frames(bounds)]
 
 
 def _entry_of(surface: object) -> Entry | None:
@@ -294,49 +297,20 @@ def _triangles(members: Members, accuracy: str, _pool: Pool) -> Kind:
     return TriangleKind(members, search=accuracy == "certified")
 
 
-def _closed(name: str, surface: type[Surface]) -> Callable[[Sequence[Any], str], list[str]]:
-    """Return how the groups of kernels of a closed form are found: many members want a tree as well."""
-
-    def groups(members: Sequence[Any], _way: str) -> list[str]:
-        return [name] if len(members) < MANY[surface] else [name, f"many {name}"]
-
-    return groups
-
-
-def _of_patches(surfaces: Sequence[BezierPatches | PatchSheet], way: str) -> list[str]:
-    return [f"{'bicubic' if _are_bicubic(surfaces) else 'Bezier'} patches, {way}"]
-
-
-def _of_rational_patches(surfaces: Sequence[BezierPatches | PatchSheet], way: str) -> list[str]:
-    return [f"rational {'bicubic ' if _are_bicubic(surfaces) else ''}patches, {way}"]
-
-
-def _of_revolutions(members: Sequence[Any], way: str) -> list[str]:
-    groups = [f"revolutions, {way}"]
-    if way in ("certified", "alone") and len(members) >= MANY[SurfaceOfRevolution]:
-        groups.append(f"many revolutions, {way}")
-    return groups
-
-
-def _are_bicubic(surfaces: Sequence[BezierPatches | PatchSheet]) -> bool:
-    return all(bool((one.pieces.degrees == 3).all()) for one in surfaces)
-
-
 ENTRIES = (
-    Entry(Sphere, "spheres", _spheres, _closed("spheres", Sphere)),
-    Entry(Rectangle, "rectangles", _rectangles, _closed("rectangles", Rectangle)),
-    Entry(Plane, "planes", _planes, lambda _members, _way: ["planes"]),
-    Entry(Box, "boxes", _boxes, _closed("boxes", Box)),
-    Entry(TurnedBox, "turned boxes", _turned_boxes, _closed("turned boxes", TurnedBox)),
-    Entry(Torus, "tori", _tori, _closed("tori", Torus)),
-    Entry(Asphere, "aspheres", _aspheres, _closed("aspheres", Asphere)),
-    Entry(BezierPatches, "Bezier patches", _patches, _of_patches, ACCURACIES),
-    Entry(RationalPatches, "rational patches", _patches, _of_rational_patches, ACCURACIES),
+    Entry(Sphere, "spheres", _spheres),
+    Entry(Rectangle, "rectangles", _rectangles),
+    Entry(Plane, "planes", _planes),
+    Entry(Box, "boxes", _boxes),
+    Entry(TurnedBox, "turned boxes", _turned_boxes),
+    Entry(Torus, "tori", _tori),
+    Entry(Asphere, "aspheres", _aspheres),
+    Entry(BezierPatches, "Bezier patches", _patches, ACCURACIES),
+    Entry(RationalPatches, "rational patches", _patches, ACCURACIES),
     Entry(
         SurfaceOfRevolution,
         "surfaces of revolution",
         _revolutions,
-        _of_revolutions,
         ACCURACIES,
     ),
     # Certified hits on meshes come from a tree of our own, in float64 from the first box on.
@@ -344,15 +318,9 @@ ENTRIES = (
         TriangleMesh,
         "triangle meshes",
         _triangles,
-        lambda _members, way: [f"meshes, {way}"],
         ("refined", "mesh"),
     ),
 )
-
-
-def _of_trimmed(entry: Entry, members: Sequence[TrimmedSurface], way: str) -> list[str]:
-    """Return the groups of trimmed surfaces: those of the whole ones, under names of their own."""
-    return [f"trimmed {group}" for group in entry.kernels([m.surface for m in members], way)]
 
 
 _BY_CLASS: dict[type, Entry] = {entry.surface: entry for entry in ENTRIES}
@@ -362,7 +330,6 @@ _TRIMMED: dict[type, Entry] = {
         entry,
         surface=TrimmedSurface,
         name=f"trimmed {entry.name}",
-        kernels=partial(_of_trimmed, entry),
     )
     for entry in ENTRIES
     if entry.surface.flip_of_uv

@@ -61,10 +61,7 @@ def permute(x, key):
 
 @inner
 def sobol_second(turned):
-    """Return the second Sobol coordinate of a bit-reversed index.
-
-    The first coordinate is the bit-reversed index itself.
-    """
+    """Return the second Sobol coordinate of a bit-reversed index; the first is that index itself."""
     # The generator matrix is Pascal's triangle modulo 2, five times over the Kronecker product of
     # ((1, 1), (0, 1)) with itself: each factor is one line.
     x = _word(turned ^ (turned << _S16))
@@ -103,12 +100,9 @@ def sobol_point(pixel_key, turned_sample, low, high):
     return to_unit(reverse_bits(first)), to_unit(reverse_bits(second))
 
 
-@kernel
+@kernel(allocates=True)
 def sobol_points(seed, sample, pixel, dimension, begin, points):
-    """Fill n rows of ``points`` (m, rows, 2) from ``begin`` on, for n triples, all uint64.
-
-    The first axis holds the m dimensions from ``dimension`` on.
-    """
+    """Fill n rows of ``points`` (m, rows, 2) from ``begin`` on, in m dimensions from ``dimension`` (n,) on."""
     # Loops over short runs, each of which compiles to vector instructions: 7 ns a point instead of 31.
     key, turned = np.empty(_RUN, np.uint32), np.empty(_RUN, np.uint32)
     low, high = np.empty(_RUN, np.uint32), np.empty(_RUN, np.uint32)
@@ -130,22 +124,13 @@ def sobol_points(seed, sample, pixel, dimension, begin, points):
                 out[k, 0], out[k, 1] = xi[0, k], xi[1, k]
 
 
-@kernel
+@kernel(allocates=True)
 def joint_points(seed, sample, pixel, dimension, tables, points):
     """Fill ``points`` (n, m) with points of one m-dimensional Sobol sequence.
 
-    Each coordinate is scrambled independently; the order is not shuffled, as the points are paired
-    with no others.
-
-    Parameters
-    ----------
-    seed, dimension : uint64
-    pixel : (n,) uint64
-        Key of the sequence, with ``seed`` and ``dimension``.
-    sample : (n,) uint64 below 2**32
-        Index in the sequence.
-    tables : (at least m, 4, 256) uint64
-        Bit-reversed contribution of each byte of an index, for each coordinate.
+    Each coordinate is scrambled independently; the order is not shuffled, as the points are paired with no
+    others. ``tables`` (m, 4, 256) are the bit-reversed contributions of each byte of an index to each
+    coordinate.
     """
     for i in range(sample.size):
         key = key_of_pixel(seed, pixel[i])

@@ -32,15 +32,7 @@ class Faults:
 
 
 def faults_of(scene: CompiledScene, tracer: Intersector) -> Faults:
-    """Return the faults of a scene.
-
-    Parameters
-    ----------
-    scene : CompiledScene
-        With its lamps lifted out of the surfaces in which they lie.
-    tracer : Intersector
-        Of its surfaces.
-    """
+    """Return the faults of a scene whose lamps are lifted out of the surfaces in which they lie."""
     return Faults(
         *lamps_turned_away(scene),
         lamps_in_bodies(scene),

@@ -35,20 +35,15 @@ MOST_PAIRS = 200
 def surfaces_in_one_plane(scene: CompiledScene) -> list[list[str]]:
     """Return the pairs of surfaces that overlap in one plane and differ, by name.
 
-    They are of two opaque materials, or shine to the same side with different radiance. These are two rectangles, trimmed or not, or one within a face of a box. (A box may well stand on a
-    rectangle that is larger than its face, or on a box.) Of trimmed ones that part counts that is inside
-    the loops.
-
-    Parameters
-    ----------
-    scene : CompiledScene
+    They are of two opaque materials, or shine to the same side with different radiance: two rectangles, trimmed
+    or not, or one within a face of a box. (A box may well stand on a larger rectangle, or on a box.)
     """
     is_clear = scene.materials_with(TRANSMITS)
     opaque = {
         i: surface
         for i, surface in enumerate(scene.surfaces)
         if not is_clear[scene.material_of[i]]
-        and (isinstance(surface, Box) or _rectangle(surface) is not None)
+        and (isinstance(surface, Box) or _is_rectangle(surface))
     }
     rows = [i for i, surface in opaque.items() if not isinstance(surface, Box)]
     if not rows or not 2 <= len(opaque) <= MOST_SURFACES:
@@ -56,7 +51,7 @@ def surfaces_in_one_plane(scene: CompiledScene) -> list[list[str]]:
     of_row = [opaque[i] for i in rows]
     corners = np.array([_corners(surface) for surface in of_row])
     edges = corners[:, [1, 3]] - corners[:, :1]
-    normals = np.array([_unit_normal(surface) for surface in of_row])
+    normals = np.array([surface.normal(0.5, 0.5) for surface in of_row])
     looks, is_lamp = _looks(scene)[rows], scene.light_of[rows] != NOTHING
     is_light = scene.material_of[rows] == NOTHING
     lifts = MOST_LIFTS * LIFT * size_by_camera(scene)
@@ -96,16 +91,9 @@ def _name(scene: CompiledScene, surface: int) -> str:
     return name_of(scene, surface, int(scene.light_of[surface]))
 
 
-def _unit_normal(surface: Surface) -> FloatArray:
-    rectangle = _rectangle(surface)
-    assert rectangle is not None
-    return rectangle.unit_normal
-
-
-def _rectangle(surface: Surface) -> Rectangle | None:
-    """Return a rectangle itself, or the one that a surface is cut from; None: there is none."""
-    whole = surface.surface if isinstance(surface, TrimmedSurface) else surface
-    return whole if isinstance(whole, Rectangle) else None
+def _is_rectangle(surface: Surface) -> bool:
+    """Tell whether a surface is a rectangle, or cut from one."""
+    return isinstance(getattr(surface, "surface", surface), Rectangle)
 
 
 def _box_of_loops(surface: Surface) -> tuple[FloatArray, FloatArray]:
@@ -148,10 +136,8 @@ def _points_of(surface: Surface) -> FloatArray:
 
 def _place_on(surface: Surface, points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the (u, v) of points (n, 3) in the plane of a rectangle."""
-    rectangle = _rectangle(surface)
-    assert rectangle is not None
-    edges = np.array([rectangle.edge_u, rectangle.edge_v])
-    u, v = np.linalg.solve(edges @ edges.T, edges @ (points - rectangle.corner).T)
+    edges = np.stack(surface.partials(0.0, 0.0))
+    u, v = np.linalg.solve(edges @ edges.T, edges @ (points - surface.point(0.0, 0.0)).T)
     return u, v
 
 
@@ -165,10 +151,7 @@ def _is_on(surface: Surface, u: FloatArray, v: FloatArray) -> BoolArray:
 
 
 def _on_a_face(box: Surface, corners: FloatArray) -> BoolArray:
-    """Tell which rectangles (n, 4, 3) lie within a face of a box.
-
-    In the box's own frame, in which it is the unit cube, their corners lie within it, all on one face.
-    """
+    """Tell which rectangles (n, 4, 3) lie within a face of a box: in its frame, on one of the unit cube."""
     assert isinstance(box, Box)
     place = (corners - box.lo) @ np.linalg.inv(box.edges)
     slack = SLACK * np.abs(corners).max(initial=0.0) / np.linalg.norm(box.edges, axis=1).min()

@@ -33,14 +33,7 @@ class LampInBody:
 
 
 def lamps_in_bodies(scene: CompiledScene) -> list[LampInBody]:
-    """Return the lamps that lie inside of an opaque body in which the camera does not lie.
-
-    The picture is the same without them.
-
-    Parameters
-    ----------
-    scene : CompiledScene
-    """
+    """Return the lamps inside of an opaque body without the camera in it: they change no picture."""
     is_clear = scene.materials_with(TRANSMITS)
     bodies = [
         i
@@ -86,10 +79,7 @@ def _extent(scene: CompiledScene, own: int, light: int) -> tuple[FloatArray | No
 
 
 def _depth(body: Sphere | Box | Torus, points: FloatArray, radius: float) -> float:
-    """Return how deep in a body the hull of balls about points lies, at least; below 0: outside.
-
-    Of a single point outside it is minus its distance from the body, or more.
-    """
+    """Return how deep in a body the hull of balls about points lies, at least; outside minus the distance."""
     if isinstance(body, Sphere):
         depth = body.radius - np.linalg.norm(points - body.center, axis=1)
     elif isinstance(body, Box):

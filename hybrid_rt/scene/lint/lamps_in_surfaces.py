@@ -18,7 +18,6 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.coincident import FACE_ROUNDING
 from hybrid_rt.lights import RectangleLight
-from hybrid_rt.lights.light import Light
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene, compile_scene
 from hybrid_rt.scene.lamp_points import points_of_lamps, size_by_camera
 from hybrid_rt.scene.scene import Object, Scene
@@ -39,90 +38,65 @@ MOST_FACES = 3
 
 @dataclass(frozen=True)
 class Sunken:
-    """A light that coincides with another surface.
+    """A light that coincides with another surface."""
 
-    Attributes
-    ----------
-    light : int
-        Its row in the light table.
-    lamp, surface : str
-        Names of the light and of the surface.
-    partner : int
-        Row in the light table of the other surface; `NOTHING` if that is not a light.
-    share : float
-        Approximate fraction of the light's area that coincides.
-    way : (3,) float64, or None
-        Direction in which to move it; None: there is none.
-    """
-
-    light: int
-    lamp: str
-    surface: str
-    partner: int
-    share: float
-    way: FloatArray | None
+    light: int  # its row in the light table
+    lamp: str  # its name
+    surface: str  # that of the other surface
+    partner: int  # row in the light table of the other surface; `NOTHING` if that is not a light
+    share: float  # about the part of the light's area that coincides
+    way: FloatArray | None  # (3,), where to move it; None: nowhere
 
 
 @dataclass(frozen=True)
 class LampInSurface:
-    """A lamp that coincides with a surface, for the report.
-
-    Attributes
-    ----------
-    lamp, surface : str
-        Their names.
-    share : float
-        Of the lamp's area, the part that lies in the surface.
-    lifted_by : float
-        Offset by which the lamp was moved, scene units; 0: it could not be moved.
-    """
+    """A lamp that coincides with a surface, for the report."""
 
     lamp: str
     surface: str
-    share: float
-    lifted_by: float = 0.0
+    share: float  # of the lamp's area, the part that lies in the surface
+    lifted_by: float = (
+        0.0  # offset by which the lamp was moved, scene units; 0: it could not be moved
+    )
 
 
 def with_lamps_lifted(
     scene: Scene, compiled: CompiledScene, build: Callable[[CompiledScene], Intersector]
 ) -> tuple[CompiledScene, Intersector, list[LampInSurface]]:
-    """Offset all coincident lights; return the scene, its tracer, and notes for the report.
+    """Offset all coincident lights; return the scene, its tracer, and a note for each of them.
 
-    Parameters
-    ----------
-    scene : Scene
-    compiled : CompiledScene
-        ``scene``, compiled.
-    build : callable
-        Builds the tracer over a compiled scene.
-
-    Returns
-    -------
-    compiled : CompiledScene
-        Unchanged if no light coincides with a surface.
-    tracer : Intersector
-    notes : list of LampInSurface
-        One for each coincident light. If it could not be moved, a warning is logged as well.
+    ``build`` makes the tracer over a compiled scene. A light that cannot be moved is logged as a warning as well.
     """
     tracer = build(compiled)
     notes: dict[int, LampInSurface] = {}  # by row in the light table, as names may be alike
     for _ in range(MOST_LIFTS):
-        sunken = [lamp for lamp in sunken_lamps(compiled, tracer) if _counts(lamp, notes)]
-        if not sunken:
-            break
-        lifted = {}
-        for lamp in sunken:
+        lights, objects, n_lifted = list(scene.lights), list(scene.objects), 0
+        for lamp in sunken_lamps(compiled, tracer):
+            if not _counts(lamp, notes):
+                continue
+            light, own = lamp.light, int(compiled.surface_of_light[lamp.light])
             first = LampInSurface(lamp.lamp, lamp.surface, lamp.share)
-            note = notes.setdefault(lamp.light, first)
-            if lamp.way is None or not _is_movable(scene, lamp.light):
+            note = notes.setdefault(light, first)
+            is_object = light >= len(lights)
+            if lamp.way is None or not (is_object or isinstance(lights[light], RectangleLight)):
                 LOG.warning(lamp_in_words(note))
                 continue
-            height = LIFT * max(size_by_camera(compiled), _reach(compiled, lamp.light))
-            notes[lamp.light] = replace(note, lifted_by=note.lifted_by + height)
-            lifted[lamp.light] = _moved(scene, compiled, lamp.light, height * lamp.way)
-        if not lifted:
+            surface = compiled.surfaces[own]
+            height = LIFT * max(size_by_camera(compiled), float(np.abs(surface.bounds).max()))
+            notes[light] = replace(note, lifted_by=note.lifted_by + height)
+            to_there = np.eye(4)
+            to_there[:3, 3] = height * lamp.way
+            image = surface.transformed(to_there)
+            if is_object:
+                item = objects[own]
+                objects[own] = Object(image, item.material, item.name, item.smooth)
+            else:
+                strength = lights[light].row.strength
+                lights[light] = RectangleLight(image.corner, image.edge_u, image.edge_v, strength)
+            n_lifted += 1
+        if n_lifted == 0:
             break
-        scene = _replaced(scene, compiled, lifted)
+        scene = Scene(scene.camera, objects, lights, scene.environment)
         compiled = compile_scene(scene)
         tracer = build(compiled)
     return compiled, tracer, list(notes.values())
@@ -145,14 +119,7 @@ def sunken_lamps(scene: CompiledScene, tracer: Intersector) -> list[Sunken]:
     """Return the lights that coincide with surfaces other than dielectrics.
 
     Points spread evenly over each light are tested, so an overlap of less than a hundredth of its
-    area may be missed. Coincident dielectrics are handled by
-    `hybrid_rt.integrators.media.contacts`.
-
-    Parameters
-    ----------
-    scene : CompiledScene
-    tracer : Intersector
-        Over its surfaces.
+    area may be missed. Coincident dielectrics are handled by `hybrid_rt.integrators.media.contacts`.
     """
     if not scene.surfaces:
         return []
@@ -205,10 +172,6 @@ def _counts(lamp: Sunken, notes: dict[int, LampInSurface]) -> bool:
     return not has_been_told and (lamp.partner == NOTHING or lamp.light < lamp.partner)
 
 
-def _reach(scene: CompiledScene, light: int) -> float:
-    return float(np.abs(scene.surfaces[scene.surface_of_light[light]].bounds).max())
-
-
 def _way_out(normals: FloatArray, sunken: FloatArray) -> FloatArray | None:
     """Return where a lamp with these normals, of any equal length, leaves what it lies in."""
     length = np.linalg.norm(normals[0])
@@ -219,33 +182,6 @@ def _way_out(normals: FloatArray, sunken: FloatArray) -> FloatArray | None:
     way: FloatArray = -faces.sum(axis=0)
     # Between two surfaces there is no way out, and of a curved one no single direction is.
     return way if len(faces) <= MOST_FACES and np.linalg.norm(way) > 0.5 else None
-
-
-def _is_movable(scene: Scene, light: int) -> bool:
-    return light >= len(scene.lights) or isinstance(scene.lights[light], RectangleLight)
-
-
-def _moved(scene: Scene, compiled: CompiledScene, light: int, shift: FloatArray) -> Light | Object:
-    """Return a lamp moved out of what it lies in."""
-    surface = compiled.surfaces[compiled.surface_of_light[light]]
-    to_there = np.eye(4)
-    to_there[:3, 3] = shift
-    image = surface.transformed(to_there)
-    if light >= len(scene.lights):
-        item = scene.objects[int(compiled.surface_of_light[light])]
-        return Object(image, item.material, item.name, item.smooth)
-    strength = scene.lights[light].row.strength
-    return RectangleLight(image.corner, image.edge_u, image.edge_v, strength)
-
-
-def _replaced(scene: Scene, compiled: CompiledScene, lifted: dict[int, Light | Object]) -> Scene:
-    lights, objects = list(scene.lights), list(scene.objects)
-    for light, lamp in lifted.items():
-        if isinstance(lamp, Object):
-            objects[int(compiled.surface_of_light[light])] = lamp
-        else:
-            lights[light] = lamp
-    return Scene(scene.camera, objects, lights, scene.environment)
 
 
 def name_of(scene: CompiledScene, surface: int, light: int) -> str:

@@ -18,20 +18,10 @@ SLACK = 1e-9
 
 
 def lamps_turned_away(scene: CompiledScene) -> tuple[list[str], list[str]]:
-    """Return the names of lamps whose light comes to no surface, nor to the camera.
+    """Return the names of lamps whose light reaches no surface, nor the camera, and of those with a picture.
 
     These are rectangles that have everything behind them, and spot lights that have all surfaces
-    outside their cones. The picture is the same without them. A lamp is not named if the box around
-    a surface reaches into its light, even if no light comes there.
-
-    Parameters
-    ----------
-    scene : CompiledScene
-
-    Returns
-    -------
-    lamps, pictures : list of str
-        All of them, and those that are rectangles with a texture over (u, v).
+    outside their cones. A lamp is not named if the box around a surface reaches into its light.
     """
     lights = scene.lights
     lamps = np.flatnonzero((lights.kind == RECTANGLE) | (lights.kind == SPOT)).tolist()

@@ -15,12 +15,7 @@ FITS = 3.0
 
 
 def narrow_view(scene: CompiledScene) -> float | None:
-    """Return the field of view in degrees if it may have been meant in radians; else None.
-
-    Parameters
-    ----------
-    scene : CompiledScene
-    """
+    """Return the field of view in degrees if it may have been meant in radians; else None."""
     camera = scene.camera
     if not (isinstance(camera, Camera) and LEAST <= camera.vertical_fov <= MOST):
         return None

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections import defaultdict
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -30,44 +31,42 @@ def overlapping_bodies(scene: CompiledScene, tracer: Intersector) -> list[list[s
     """Return the pairs of clear bodies that overlap in part and have one priority, by name.
 
     Bodies of one medium are not named: it does not matter which of them fills the space.
-
-    Parameters
-    ----------
-    scene : CompiledScene
-    tracer : Intersector
-        Of the scene's surfaces.
     """
     surfaces_of: dict[int, list[int]] = defaultdict(list)
-    for i in range(len(scene.called)):
-        if scene.glass_of[scene.material_of[i]] != NOTHING:
-            surfaces_of[int(scene.material_of[i])].append(i)
-    bodies = {
-        material: np.array([scene.surfaces[i].bounds for i in rows])
-        for material, rows in surfaces_of.items()
-        if all(scene.surfaces[i].is_bounded for i in rows)
-    }
-    found, n_pairs = [], 0
-    for one, other in itertools.combinations(bodies, 2):
-        (*medium, priority), (*medium_2, priority_2) = (_medium(scene, m) for m in (one, other))
-        if priority != priority_2 or medium == medium_2:
-            continue
-        boxes = [_box_around(bodies[one]), _box_around(bodies[other])]
-        low, high = np.max(boxes, axis=0)[0], np.min(boxes, axis=0)[1]
-        if not (low < high).all():
-            continue
-        n_pairs += 1
-        if n_pairs > MOST_PAIRS:
-            break
-        around = _box_around(np.array(boxes))
-        if _overlap_in_part(tracer, surfaces_of[one], surfaces_of[other], low, high, around):
-            found.append([scene.called[surfaces_of[m][0]] for m in (one, other)])
-    return found
+    for i in np.flatnonzero(scene.glass_of[scene.material_of[: len(scene.called)]] != NOTHING):
+        surfaces_of[int(scene.material_of[i])].append(int(i))
+    bodies = [
+        rows for rows in surfaces_of.values() if all(scene.surfaces[i].is_bounded for i in rows)
+    ]
+    if len(bodies) < 2:
+        return []
+    boxes = np.array(
+        [_box_around(np.array([scene.surfaces[i].bounds for i in rows])) for rows in bodies]
+    )
+    glass = scene.glass_of[scene.material_of[[rows[0] for rows in bodies]]]
+    # Index and absorption, then the priority.
+    medium = scene.lobes.number[glass][:, [0, 2, 3, 4, 5]]
+    found = [
+        (one, other)
+        for one, other in itertools.islice(_pairs_of_boxes(boxes, medium), MOST_PAIRS)
+        if _overlap_in_part(tracer, bodies[one], bodies[other], boxes[[one, other]])
+    ]
+    return [[scene.called[bodies[k][0]] for k in pair] for pair in sorted(found)]
 
 
-def _medium(scene: CompiledScene, material: int) -> list[float]:
-    """Return index, absorption and priority of a body."""
-    number = scene.lobes.number[scene.glass_of[material]]
-    return [float(number[0]), *number[2:6].tolist()]
+def _pairs_of_boxes(boxes: FloatArray, medium: FloatArray) -> Iterator[tuple[int, int]]:
+    """Yield the pairs whose boxes overlap, of one priority and two media, by a sweep along x."""
+    order = np.argsort(boxes[:, 0, 0], kind="stable")
+    low, high, medium = boxes[order, 0], boxes[order, 1], medium[order]
+    ends = np.searchsorted(low[:, 0], high[:, 0])
+    for one, end in enumerate(ends.tolist()):
+        others = slice(one + 1, end)
+        overlap = (low[others, 1:] < high[one, 1:]) & (low[one, 1:] < high[others, 1:])
+        is_equal = medium[others] == medium[one]
+        is_pair = overlap.all(axis=1) & is_equal[:, -1] & ~is_equal.all(axis=1)
+        for other in (one + 1 + np.flatnonzero(is_pair)).tolist():
+            first, second = sorted((int(order[one]), int(order[other])))
+            yield first, second
 
 
 def _box_around(boxes: FloatArray) -> FloatArray:
@@ -78,11 +77,11 @@ def _overlap_in_part(
     tracer: Intersector,
     one: list[int],
     other: list[int],
-    low: FloatArray,
-    high: FloatArray,
-    around: FloatArray,
+    boxes: FloatArray,
 ) -> bool:
     """Tell whether a ray enters one body, then the other, and leaves the first one first."""
+    low, high = boxes[:, 0].max(axis=0), boxes[:, 1].min(axis=0)
+    around = _box_around(boxes)
     rng = np.random.default_rng(0)
     directions = rng.standard_normal((RAYS, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]

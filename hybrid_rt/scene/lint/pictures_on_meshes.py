@@ -11,14 +11,7 @@ from hybrid_rt.scene.compiled import CompiledScene
 
 
 def pictures_on_meshes(scene: CompiledScene) -> list[str]:
-    """Return the names of meshes of several faces, without texture coordinates, with such textures.
-
-    See `CompiledScene.colored_by_uv` for which textures these are.
-
-    Parameters
-    ----------
-    scene : CompiledScene
-    """
+    """Return the names of such meshes: `CompiledScene.colored_by_uv`, without texture coordinates."""
     return [
         scene.called[i]
         for i, surface in enumerate(scene.surfaces)

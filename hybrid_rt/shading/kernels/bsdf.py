@@ -41,15 +41,11 @@ class Vertices(NamedTuple):
 
 @inlined
 def lobe_chance(lobes, row, colors, i, j, asked):
-    """Return the unnormalised probability of a lobe: its largest channel.
-
-    It is zero for lobes without any of the traits ``asked``. Glass has its weight in the mixture,
-    as its colour tints transmission only.
-    """
+    """Return the unnormalised probability of a lobe: its largest channel; 0 without a trait of ``asked``."""
     traits = lobes.traits[row]
     if traits & asked == 0:
         return 0.0
-    if traits & TRANSMITS:
+    if traits & TRANSMITS:  # its colour tints transmission only
         return lobes.weight[row]
     return max(colors[i, j, 0], colors[i, j, 1], colors[i, j, 2])
 
@@ -99,24 +95,8 @@ def scattered(lobes, material, colors, i, nx, ny, nz, dx, dy, dz, wx, wy, wz, ra
 
 
 @inlined
-def leaves_through_face(geometric, i, direction, x, y, z):
-    """Tell whether a direction is transmitted, by the geometric normal.
-
-    ``geometric`` is (0, 3) without separate shading normals; then the answer is no.
-    """
-    if geometric.shape[0] == 0:
-        return False
-    before = (
-        geometric[i, 0] * direction[i, 0]
-        + geometric[i, 1] * direction[i, 1]
-        + geometric[i, 2] * direction[i, 2]
-    )
-    return before * (geometric[i, 0] * x + geometric[i, 1] * y + geometric[i, 2] * z) >= 0.0
-
-
-@inlined
 def is_behind(normal, direction, i, x, y, z):
-    """Tell whether a direction is transmitted, by the shading normal."""
+    """Tell whether a direction is transmitted, by a normal."""
     before = (
         normal[i, 0] * direction[i, 0]
         + normal[i, 1] * direction[i, 1]
@@ -126,25 +106,26 @@ def is_behind(normal, direction, i, x, y, z):
 
 
 @inlined
+def leaves_through_face(geometric, i, direction, x, y, z):
+    """Tell whether a direction is transmitted, by the geometric normal; False if there is none, (0, 3)."""
+    return geometric.shape[0] > 0 and is_behind(geometric, direction, i, x, y, z)
+
+
+@inlined
 def sides_differ(geometric, normal, i, direction, x, y, z):
     """Tell whether geometric and shading normal disagree on whether a direction is transmitted.
 
-    Such directions carry no light: it would leak through opaque surfaces, or refract without
-    crossing the surface.
+    Such directions carry no light: it would leak, or refract without crossing the surface.
     """
     if geometric.shape[0] == 0:
         return False
-    through = leaves_through_face(geometric, i, direction, x, y, z)
+    through = is_behind(geometric, direction, i, x, y, z)
     return through != is_behind(normal, direction, i, x, y, z)
 
 
 @inlined
 def pick_lobe(lobes, material, colors, i, xi, asked):
-    """Sample a lobe by a number in [0, 1).
-
-    Returns its index in the material, its probability (zero: there is no lobe) and the number
-    rescaled to [0, 1) for reuse.
-    """
+    """Sample a lobe: its index in the material, its probability (0: none), and xi rescaled for reuse."""
     start = lobes.first[material]
     n = lobes.first[material + 1] - start
     total = 0.0
@@ -164,33 +145,16 @@ def pick_lobe(lobes, material, colors, i, xi, asked):
     return chosen, chance / total, min(rest / chance, 1.0)
 
 
-@kernel
+@kernel(allocates=True)
 def sample_lobes(
     lobes, material, colors, normal, direction, ratio, xi, branch, asked, wi, value, pdf
 ):
     """Sample a direction by the non-delta lobes of each hit; value = f cos / pdf.
 
-    The pdf is that of all lobes together, so a sharp lobe beside a wide one causes no fireflies.
-    Rows without such a lobe, directions into the surface, and rows that sampled a delta lobe (if
-    ``asked`` includes these) get zero.
-
-    Parameters
-    ----------
-    lobes : LobeTable
-    material : (n,) int32
-    colors : (n, lobes of a material at most, 3) float64
-    normal, direction : (n, 3) float64
-        Of the hit and of the ray that found it.
-    ratio : (n,) float64, or (0,)
-        As in `scattered`; empty without rough glass.
-    xi : (n, 2) float64 in [0, 1)
-    branch : (n,) float64 in [0, 1), or (0,)
-        Samples reflection or transmission at rough glass.
-    asked : int
-        As in `scattered`.
-    wi, value : (n, 3) float64, written
-    pdf : (n,) float64, written
-        Per solid angle.
+    The pdf is that of all lobes together, so a sharp lobe beside a wide one causes no fireflies. Rows
+    without such a lobe, directions into the surface, and rows that sampled a delta lobe (if ``asked``
+    includes these) get zero. ``ratio`` is as in `scattered`, empty without rough glass, at which ``branch``
+    (n,) samples reflection or transmission. ``wi``, ``value`` (n, 3) and ``pdf`` (n,) are written.
     """
     for i in range(material.size):
         wi[i, 0] = wi[i, 1] = wi[i, 2] = 0.0

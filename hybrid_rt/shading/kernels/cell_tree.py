@@ -34,10 +34,7 @@ BELOW_ONE = 1.0 - 2.0**-53
 
 
 class CellTree(NamedTuple):
-    """Cells and the tree over them: node k has the children 2 k and 2 k + 1; the root is 1.
-
-    Half of the nodes, the last ones, are the cells in their order, and padding of no area.
-    """
+    """Cells and the tree over them: the children of node k are 2 k and 2 k + 1; the last half are the cells."""
 
     # (cells, 4, 3) float64, at (0, 0), (1, 0), (1, 1), (0, 1) of their parameters; of bent cells
     # (cells, 9, 3), at s = 0, 1/2, 1 and for each of them t = 0, 1/2, 1
@@ -55,8 +52,7 @@ class CellTree(NamedTuple):
 def place_in_cell(tree, cell, s, t):
     """Return the point (s, t) of a cell, about.
 
-    (s, t) in the unit square. Of a triangle a, b, c it is a + sqrt(s) ((1 - t) (b - a) + t (c - a)):
-    even in area.
+    Of a triangle a, b, c it is a + sqrt(s) ((1 - t) (b - a) + t (c - a)): even in area.
     """
     if tree.is_bent:
         x, y, z = 0.0, 0.0, 0.0
@@ -89,10 +85,7 @@ def _quadratic(i, s):
 
 @inner
 def _triangle(a, b, c):
-    """Return half the solid angle of a triangle seen from 0, negative from behind.
-
-    Van Oosterom and Strackee, "The solid angle of a plane triangle", 1983.
-    """
+    """Return half the solid angle of a triangle seen from 0 (Van Oosterom, Strackee 1983); behind: negative."""
     la = math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
     lb = math.sqrt(b[0] * b[0] + b[1] * b[1] + b[2] * b[2])
     lc = math.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
@@ -196,10 +189,7 @@ def _cut(tree, px, py, pz, stack, nodes, weights):
 
 @inner
 def _halved(tree, cell, px, py, pz, s, t, is_given):
-    """Choose a point of a cell seen from p by (s, t), or follow a given one.
-
-    Returns its (s, t) in the cell, and the density per its parameters.
-    """
+    """Choose a point of a cell seen from p by (s, t), or follow a given one; return (s, t), and its density."""
     s0, s1, t0, t1, density = 0.0, 1.0, 0.0, 1.0, 1.0
     for _ in range(MOST_HALVINGS):
         _, square, radius, is_s = _part(tree, cell, s0, s1, t0, t1, px, py, pz)
@@ -231,24 +221,13 @@ def _halved(tree, cell, px, py, pz, s, t, is_given):
     return s0 + (s1 - s0) * s, t0 + (t1 - t0) * t, density
 
 
-@kernel
+@kernel(allocates=True)
 def sample_cells(tree, seen_from, xi, stack, nodes, weights, cell, place, density):
-    """Sample points as seen from others.
+    """Sample points by ``xi`` (n, 2), as seen from others (n, 3).
 
-    Parameters
-    ----------
-    tree : CellTree
-    seen_from : (n, 3) float64
-    xi : (n, 2) float64 in [0, 1)
-    stack, nodes : int64, written
-        Scratch memory, of `MOST_LEVELS` and `MOST_NODES` entries.
-    weights : float64, written
-        As ``nodes``.
-    cell : (n,) int64, written
-    place : (n, 2) float64, written
-        In the unit square of the cell, see `place_in_cell`.
-    density : (n,) float64, written
-        Of choosing that cell, times that of the place in the unit square; 0: nothing is seen.
+    ``stack`` has `MOST_LEVELS` places, ``nodes`` and ``weights`` have `MOST_NODES`. Written are the
+    ``cell`` (n,), the ``place`` (n, 2) in its unit square, see `place_in_cell`, and the ``density`` (n,) of
+    both; 0: nothing is seen.
     """
     first_leaf = tree.area.size // 2
     for i in range(cell.size):
@@ -289,7 +268,7 @@ def _share_of_first(tree, node, px, py, pz):
     return first / (first + _seen(tree, 2 * node + 1, px, py, pz)[0])
 
 
-@kernel
+@kernel(allocates=True)
 def density_of_cells(tree, seen_from, cell, place, stack, nodes, weights, density):
     """Compute the density with which `sample_cells` chooses given places; see there."""
     first_leaf = tree.area.size // 2

@@ -47,14 +47,8 @@ def power_weight(pdf, other):
 def light_on_hit(lights, sky, textures, points, row, lobes, vertices, i, s, t, strategy, asked):
     """Sample a point of light ``row`` by (s, t), as seen from hit i, times f cos of non-delta lobes.
 
-    Parameters are those of `light_on_hits`.
-
-    Returns
-    -------
-    x, y, z : the vector to that point (to the environment: a unit direction)
-    r, g, b : the radiance scattered if it is unoccluded; zero if there is none
-    density : pdf per solid angle of sampling that direction, 0 where BSDF sampling has no weight
-    pdf : that of BSDF sampling
+    Returns the vector to that point (to the environment: a unit direction), the radiance scattered if it is
+    unoccluded, the pdf per solid angle (0 where BSDF sampling has no weight), and that of BSDF sampling.
     """
     material, colors, position, normal, direction, geometric, ratio = vertices
     px, py, pz = position[i, 0], position[i, 1], position[i, 2]
@@ -89,30 +83,16 @@ def light_on_hit(lights, sky, textures, points, row, lobes, vertices, i, s, t, s
     return x, y, z, factor * p * r, factor * q * g, factor * k * b, density, pdf
 
 
-@kernel
+@kernel(allocates=True)
 def light_on_hits(
     lights, sky, textures, points, light_id, lobes, vertices, xi, strategy, asked, to_light, value
 ):
     """Next-event estimation: sample a point of one light per hit, times f cos of non-delta lobes.
 
-    Parameters
-    ----------
-    points : LightPoints of n rows
-        For rows whose light is a `SURFACE`; may be empty if there is none.
-    light_id : (n,) int32
-        The light of each row, the number of lights for the environment.
-    vertices : Vertices
-        The hits.
-    xi : (n, 2) float64 in [0, 1)
-        Sample the point of the light.
-    strategy : int
-        `UNWEIGHTED`: every light is sampled. Otherwise one light is, by its probability, and the
-        value is weighted against BSDF sampling.
-    asked : int
-        See `scattered`.
-    to_light, value : (n, 3) float64, written
-        Vector to that point (to the environment: a unit direction), and the radiance scattered if
-        it is unoccluded.
+    ``light_id`` (n,) is the number of lights for the environment; ``points`` are those of `SURFACE` lights,
+    or empty. If ``strategy`` is `UNWEIGHTED` every light is sampled; otherwise one light is, by its
+    probability, and the value is weighted against BSDF sampling. Written are ``to_light``, ``value`` (n,
+    3), see `light_on_hit`.
     """
     material = vertices.material
     for i in range(light_id.size):
@@ -131,10 +111,7 @@ def light_on_ray(
     lights, sky, textures, row, i, met, origin, direction, pdf, pdf_area, connection_pdf, media, lobes,
     strategy,
 ):  # fmt: skip
-    """Return the radiance that ray i hits on light ``row``, MIS-weighted.
-
-    Parameters are those of `light_on_rays`; ``pdf``, ``pdf_area`` and ``connection_pdf`` are those of the ray.
-    """
+    """Return the radiance that ray i hits on light ``row``, MIS-weighted: see `light_on_rays`."""
     t, u, v, position, normal = met
     x, y, z = direction[i, 0], direction[i, 1], direction[i, 2]
     is_sky = row == lights.kind.size
@@ -182,33 +159,19 @@ def density_of_light_path(lights, row, pdf_area, media, i, lobes):
     return density
 
 
-@kernel
+@kernel(allocates=True)
 def light_on_rays(
     lights, sky, textures, light_id, met, origin, direction, pdf, pdf_area, connection_pdf, media, lobes,
     strategy, radiance,
 ):  # fmt: skip
-    """Compute the emitted radiance that rays hit, MIS-weighted.
+    """Compute the emitted ``radiance`` (n, 3) that rays hit, MIS-weighted.
 
-    Parameters
-    ----------
-    light_id : (n,) int32
-        The light whose emissive side was hit, the number of lights for the environment; negative:
-        none.
-    met : Met
-        The hits; not read for the environment.
-    origin, direction : (n, 3) float64
-        Of the ray; unit directions.
-    pdf : (n,) float64
-        pdf of the direction per solid angle; 0 for camera rays and after delta lobes, where no
-        other technique finds the light.
-    pdf_area : (n,) float64
-        pdf per area of sampling the point of a `SURFACE`; may be empty if there is none.
-    connection_pdf : (n,) float64
-        For paths by way of delta lobes or narrow surfaces: the density to weigh against light subpaths
-        (see `hybrid_rt.integrators.kernels.light_paths`); else 0.
-    media : (n, STACK) int32, or (n, 0)
-        Medium stacks of the rays.
-    radiance : (n, 3) float64, written
+    ``light_id`` (n,) is the light whose emissive side was hit, the number of lights for the environment
+    (for which ``met`` is not read), negative for none. ``pdf`` (n,), of the direction, is 0 for camera rays
+    and after delta lobes: no other technique finds the light. ``pdf_area`` (n,) is that of sampling the
+    point of a `SURFACE`, or empty; ``connection_pdf`` (n,), for paths by way of delta lobes or narrow
+    surfaces, the density to weigh against light subpaths (see `hybrid_rt.integrators.kernels.light_paths`),
+    else 0; ``media`` are medium stacks, or (n, 0).
     """
     for i in range(light_id.size):
         r = g = b = 0.0

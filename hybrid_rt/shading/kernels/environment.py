@@ -128,7 +128,7 @@ def sky_direction(sky, xi, eta):
     )
 
 
-@kernel
+@kernel(allocates=True)
 def sky_on_rays(sky, direction, radiance, pdf):
     """Fill radiance (n, 3) and pdf (n,) for unit directions (n, 3)."""
     for i in range(direction.shape[0]):

@@ -7,11 +7,10 @@ from meshing.kernels.jit import inlined, kernel
 
 @inlined
 def fresnel(cos_i, eta):
-    """Return the reflectance of unpolarised light and the cosine on the far side.
+    """Return the reflectance of unpolarised light and the cosine beyond; of total reflection (1, 0).
 
-    ``eta`` is the index beyond the surface over the index before it, ``cos_i`` in [0, 1]. Total
-    internal reflection gives (1, 0). Fresnel's equations; the two amplitudes are
-    (cos_i - eta cos_t) / (cos_i + eta cos_t) and (eta cos_i - cos_t) / (eta cos_i + cos_t).
+    ``eta`` is the index beyond the surface over that before it. The two amplitudes are (cos_i - eta cos_t)
+    / (cos_i + eta cos_t) and (eta cos_i - cos_t) / (eta cos_i + cos_t).
     """
     # (eta - 1)(eta + 1) + cos^2 is eta^2 - sin^2 without the cancellation at eta near 1.
     square = (eta - 1.0) * (eta + 1.0) + cos_i * cos_i
@@ -54,7 +53,7 @@ def mirrored(dx, dy, dz, nx, ny, nz):
     return dx - twice * nx, dy - twice * ny, dz - twice * nz
 
 
-@kernel
+@kernel(allocates=True)
 def mirror_directions(direction, normal, reflected):
     """Reflect unit directions (n, 3) at unit normals of either sign."""
     for i in range(direction.shape[0]):
@@ -64,7 +63,7 @@ def mirror_directions(direction, normal, reflected):
         )  # fmt: skip
 
 
-@kernel
+@kernel(allocates=True)
 def reflect_directions(direction, normal, out):
     """Reflect unit directions (n, 3) at unit normals of either sign, to unit directions."""
     for i in range(direction.shape[0]):
@@ -76,12 +75,9 @@ def reflect_directions(direction, normal, out):
         out[i, 0], out[i, 1], out[i, 2] = x / length, y / length, z / length
 
 
-@kernel
+@kernel(allocates=True)
 def refract_directions(direction, normal, before, beyond, out):
-    """Refract unit directions (n, 3) at unit normals of either sign; nan where reflection is total.
-
-    ``before`` and ``beyond`` (n,) are the indices of refraction on both sides.
-    """
+    """Refract unit directions (n, 3) at unit normals of either sign; nan where reflection is total."""
     for i in range(direction.shape[0]):
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
         nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
@@ -100,13 +96,9 @@ def refract_directions(direction, normal, before, beyond, out):
         )
 
 
-@kernel
+@kernel(allocates=True)
 def split_at_glass(direction, normal, eta, use_schlick, reflectance, refracted):
-    """Find the refracted direction and the reflectance of each ray at a dielectric.
-
-    ``normal`` may have either sign; ``eta`` is the index beyond the surface over the index before
-    it. ``refracted`` is zero where reflection is total.
-    """
+    """Find the refracted direction, 0 in case of total reflection, and the reflectance of each ray."""
     for i in range(direction.shape[0]):
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
         nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]

@@ -65,14 +65,12 @@ def has_area(lights, row):
 
 @inlined
 def light_point(lights, points, i, row, px, py, pz, s, t):
-    """Sample a point of a light by (s, t) in [0, 1)^2, as seen from p.
+    """Sample a point of a light by (s, t) in [0, 1)^2, as seen from p; row i of ``points`` if a `SURFACE`.
 
-    Row i of ``points`` is the sampled point of a light of kind `SURFACE`. Returns the vector from p
-    to the point, its length, the factor that turns the light's strength into irradiance at normal
-    incidence, and the point's parameters (u, v). The factor is 1 / distance^2 for a point, times its
-    share for a spot; one over the pdf per solid angle for area lights (sphere, rectangle: its solid
-    angle; far rectangle: cos_light area / distance^2), so the estimate is unbiased. Zero
-    behind the light, outside a spot's cone, inside spheres.
+    Returns the vector from p to the point, its length, the factor that turns the light's strength into
+    irradiance at normal incidence, and the point's parameters (u, v). The factor is 1 / distance^2 for a
+    point, times its share for a spot; one over the pdf per solid angle for area lights, so the estimate is
+    unbiased. Zero behind the light, outside a spot's cone, inside spheres.
     """
     kind = lights.kind[row]
     if kind == SURFACE:
@@ -112,10 +110,7 @@ def _rectangle_point(lights, row, px, py, pz, s, t):
 
 @inlined
 def _sphere_seen(lights, row, px, py, pz):
-    """See a sphere from a point: |p - c|^2, |p - c|^2 - r^2 and 1 - cos of half its angle.
-
-    The second, in double-double, tells how near the point is: rounding may be all of it.
-    """
+    """See a sphere from a point: |p - c|^2, that less r^2 (in double-double), 1 - cos of half its angle."""
     radius = lights.edge_u[row, 0]
     fx, gx = two_difference(px, lights.origin[row, 0])
     fy, gy = two_difference(py, lights.origin[row, 1])
@@ -152,11 +147,8 @@ def _sphere_point(lights, row, px, py, pz, s, t):
 
 @inlined
 def _surface_point(points, i, px, py, pz):
-    x, y, z = (
-        points.position[i, 0] - px,
-        points.position[i, 1] - py,
-        points.position[i, 2] - pz,
-    )
+    at = points.position
+    x, y, z = at[i, 0] - px, at[i, 1] - py, at[i, 2] - pz
     square = x * x + y * y + z * z
     distance = math.sqrt(square)
     facing = -(points.normal[i, 0] * x + points.normal[i, 1] * y + points.normal[i, 2] * z)
@@ -188,10 +180,7 @@ def chosen_strength(lights, textures, points, i, row, s, t, x, y, z):
 
 @inlined
 def pdf_of_light(lights, row, ox, oy, oz, t, cosine, pdf_area):
-    """Return the pdf per solid angle with which `light_point` samples a point hit at t.
-
-    ``cosine`` is that of the ray to the light's normal; ``pdf_area`` as in `pdf_of_area`.
-    """
+    """Return the pdf per solid angle with which `light_point` samples a point hit at t."""
     if lights.kind[row] == SPHERE:
         _, power, cone = _sphere_seen(lights, row, ox, oy, oz)
         return 1.0 / (2.0 * math.pi * cone) if power > 0.0 else 0.0
@@ -223,10 +212,7 @@ def pdf_of_area(lights, row, pdf_area):
 
 @inlined
 def leaving_point(lights, points, i, row, s, t):
-    """Sample a point of a light by (s, t): the point, its normal, one over its pdf, and the pdf.
-
-    Both are zero if the area is. A light without area has normal zero and pdf one.
-    """
+    """Sample a point of a light: point, normal, one over the pdf, pdf; without area 0, 1, 1 in the end."""
     kind = lights.kind[row]
     if kind == SURFACE:
         density = points.pdf_area[i]
@@ -298,14 +284,9 @@ def shares_together(lights, row):
 
 @inlined
 def largest_share(lights, row, nx, ny, nz, ax, ay, az, cone):
-    """Return approximately the largest share in a cone about the unit axis a.
+    """Return approximately the largest share in a cone about the unit axis a, at a point of normal n.
 
-    Parameters
-    ----------
-    nx, ny, nz : float
-        Normal of the light at the emitting point.
-    cone : float
-        1 - cos of half the cone's angle; 2: all directions.
+    ``cone`` is 1 - cos of half the cone's angle; 2: all directions.
     """
     kind = lights.kind[row]
     # Half of a ball faces away from anything: see `distance_through`.
@@ -381,8 +362,5 @@ def _spot_angle(lights, row, s):
 
 @inlined
 def distance_through(lights, row):
-    """Return how far behind a point of a closed ball the opposite one lies; else 0.
-
-    What is aimed inward there leaves from the opposite point, so nothing aimed at is lost.
-    """
+    """Return how far behind a point of a closed ball the opposite one, which light aimed inward leaves, lies."""
     return 2.0 * lights.edge_u[row, 0] if lights.kind[row] == SPHERE else 0.0

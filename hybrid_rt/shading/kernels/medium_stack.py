@@ -76,7 +76,7 @@ def ior_of(lobes, lobe):
     return 1.0 if lobe == NONE else lobes.number[lobe, IOR]
 
 
-@kernel
+@kernel(allocates=True)
 def indices_within(ior, stack, lobes):
     """Write the index of refraction (n,) of what fills the space around each ray."""
     for i in range(ior.size):
@@ -102,7 +102,7 @@ def _left(density, length):
     return math.exp(-density * length) if density > 0.0 else 1.0
 
 
-@kernel
+@kernel(allocates=True)
 def weaken_by_ways(stack, lobes, way, has_end, value):
     """Attenuate values along segments (n, 3) within media; some segments are infinitely long."""
     for i in range(has_end.size):
@@ -117,11 +117,10 @@ def weaken_by_ways(stack, lobes, way, has_end, value):
 
 @inlined
 def cross_medium(stack, i, lobes, glass_of, material, is_front, second, t, unclosed):
-    """Return the transmittance between the origin of ray i and its hit.
+    """Return the transmittance between the origin of ray i and its hit; see `cross_media`.
 
-    A ray that hits a dielectric from inside has been in it from the start: the body is inserted in
-    the stack if it is missing. Parameters are those of `cross_media`; ``material``, ``is_front`` and
-    ``t`` are those of the ray.
+    A ray that hits a dielectric from inside has been in it from the start: the body is inserted in the
+    stack if it is missing.
     """
     if material >= 0 and not is_front:
         glass = glass_of[material]
@@ -138,26 +137,12 @@ def cross_medium(stack, i, lobes, glass_of, material, is_front, second, t, unclo
     return transmittance(stack, i, lobes, t)
 
 
-@kernel
+@kernel(allocates=True)
 def cross_media(stack, lobes, glass_of, material, front_face, second, t, throughput, unclosed):
-    """Attenuate throughput by the Beer-Lambert law between ray origins and hits: see `cross_medium`.
+    """Attenuate ``throughput`` (n, 3) by the Beer-Lambert law between ray origins and hits at ``t`` (n,).
 
-    Parameters
-    ----------
-    stack : (n, STACK) int32, changed
-    lobes : LobeTable
-    glass_of : (materials,) int32
-        The dielectric lobe of each material.
-    material : (n,) int32
-    front_face : (n,) bool
-    second : (n,) int32, or (0,)
-        See the module.
-    t : (n,) float64
-        Distances, scene units; inf for a miss.
-    throughput : (n, 3) float64, changed
-    unclosed : (lobes,) int64, changed
-        Counts rays that leave a body without having entered it, or never leave one: its surface is
-        not closed.
+    ``stack`` (n, STACK) changes as in `cross_medium`; ``second`` is as in the module. ``unclosed`` (lobes,)
+    counts rays that leave a body without having entered it, or never leave one: its surface is not closed.
     """
     for i in range(material.size):
         r, g, b = cross_medium(
@@ -192,10 +177,7 @@ def pass_surface(lobe, stack, i, is_front, second):
 
 @inlined
 def look_beyond_one(lobes, lobe, stack, i, is_front, second, beyond):
-    """Find the media beyond the rough glass that ray i has hit; see `look_beyond`.
-
-    Returns the index beyond the surface over that before it; sets row i of ``beyond``.
-    """
+    """Return the ``ratio`` of ray i, and set row i of ``beyond``: see `look_beyond`."""
     for k in range(STACK):
         beyond[i, k] = stack[i, k]
     if lobe == NONE:
@@ -206,40 +188,21 @@ def look_beyond_one(lobes, lobe, stack, i, is_front, second, beyond):
     return at if before != after and abs(at - 1.0) > MATCHED else 0.0
 
 
-@kernel
+@kernel(allocates=True)
 def look_beyond(lobes, lobe, stack, front_face, second, beyond, ratio):
-    """Find the media beyond the rough glass that rays have hit.
+    """Find the media beyond the rough glass that rays have hit; its ``lobe`` (n,) is `NONE` for other hits.
 
-    Parameters
-    ----------
-    lobe : (n,) int32
-        Lobe of rough glass; `NONE`: there is none.
-    stack : (n, STACK) int32
-        Medium stacks of the incoming rays.
-    front_face : (n,) bool
-    second : (n,) int32, or (0,)
-        See the module.
-    beyond : (n, STACK) int32, written
-        Medium stacks of transmitted rays; those of the incoming rays without rough glass.
-    ratio : (n,) float64, written
-        Index beyond the surface over that before it; 0 without rough glass, and where both sides
-        have the same medium or the same index, so that it does not scatter.
+    Written are ``beyond`` (n, STACK), the stacks of transmitted rays, and ``ratio`` (n,), the index beyond
+    over that before; 0 without rough glass, and where both sides have the same medium or index, so that it
+    does not scatter.
     """
     for i in range(lobe.size):
         ratio[i] = look_beyond_one(lobes, lobe[i], stack, i, front_face[i], second, beyond)
 
 
-@kernel
+@kernel(allocates=True)
 def take_media_toward(normal, direction, way, beyond, stack):
-    """Set ``stack`` (n, STACK) to that of outgoing directions: ``beyond`` if transmitted.
-
-    Parameters
-    ----------
-    normal, direction, way : (n, 3) float64
-        Normals of the hits; directions of the incoming rays; outgoing directions.
-    beyond : (n, STACK) int32
-        See `look_beyond`.
-    """
+    """Set ``stack`` (n, STACK) to that of outgoing directions ``way``: ``beyond`` if transmitted."""
     for i in range(stack.shape[0]):
         before = after = 0.0
         for k in range(3):

@@ -47,15 +47,7 @@ def is_even(x, y, z, ax, ay, az, bx, by, bz):
 
 @inlined
 def solid_angle(x, y, z, ax, ay, az, bx, by, bz):
-    """Return the solid angle of a parallelogram, seen from 0; 0 from its back.
-
-    Parameters
-    ----------
-    x, y, z : float
-        Its corner.
-    ax, ay, az, bx, by, bz : float
-        Its edges a and b; the front is on the side of a x b.
-    """
+    """Return the solid angle of a parallelogram of corner (x, y, z), edges a and b; 0 from its back."""
     _, _, _, _, _, x0, y0, width, slant, h, _ = _frame(x, y, z, ax, ay, az, bx, by, bz)
     return 2.0 * _between(x0, y0, width, slant, h)[0] if h > 0.0 else 0.0
 
@@ -64,8 +56,7 @@ def solid_angle(x, y, z, ax, ay, az, bx, by, bz):
 def even_point(x, y, z, ax, ay, az, bx, by, bz, s, t):
     """Sample a point of a parallelogram evenly by solid angle, by (s, t) in [0, 1)^2; seen from 0.
 
-    Returns the point, its coordinates along a and b in [0, 1], and the solid angle; see
-    `solid_angle` for the arguments. From the back all are zero.
+    Returns the point, its coordinates along a and b in [0, 1], and the solid angle; from the back zeros.
     """
     side, along, across, length, sign, x0, y0, width, slant, h, normal = _frame(
         x, y, z, ax, ay, az, bx, by, bz
@@ -94,24 +85,11 @@ def even_point(x, y, z, ax, ay, az, bx, by, bz, s, t):
 def _frame(x, y, z, ax, ay, az, bx, by, bz):
     """Return the frame of a parallelogram, in lengths of its longer edge.
 
-    Returns
-    -------
-    side : float
-        1: the longer edge is a; -1: b.
-    along, across : three floats each
-        Unit, x and y. x points to the side where most of the lamp lies: E is small there.
-    length, sign : float
-        Of the longer edge; -1: x points against it.
-    x0, y0 : float
-        The corner with the least x of the side with the least y.
-    width : float
-        y1 - y0.
-    slant : float
-        By how much the other side is ahead in x.
-    h : float
-        Height above the front, at least `NEAREST`; negative or 0: not before it.
-    normal : three floats
-        Unit, of the front.
+    side: 1 if the longer edge is a, else -1. along, across: unit, x and y; x points to the side where most
+    of the lamp lies: E is small there. length: of the longer edge; sign: -1 if x points against it. x0, y0:
+    the corner with the least x of the side with the least y. width: y1 - y0. slant: by how much the other
+    side is ahead in x. h: height above the front, at least `NEAREST`; negative or 0: not before it. normal:
+    of the front.
     """
     side = 1.0
     if ax * ax + ay * ay + az * az < bx * bx + by * by + bz * bz:

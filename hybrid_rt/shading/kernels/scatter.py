@@ -11,7 +11,7 @@ from hybrid_rt.shading.kernels.lobes.register import (
     spreads_here,
 )
 from hybrid_rt.shading.kernels.medium_stack import filling_medium, ior_of, pass_surface
-from meshing.kernels.jit import inlined, kernel, part
+from meshing.kernels.jit import inlined, kernel
 
 # How a ray ends at a surface, or goes on.
 LEFT, STOPPED, ABSORBED, SCATTERED, SPECULAR = 0, 1, 2, 3, 4
@@ -35,19 +35,11 @@ class ConnectionPdf(NamedTuple):
 def choose_way(
     lobes, material, colors, i, normal, dx, dy, dz, ratio, xi, choice, stack, second, keeps_power
 ):
-    """Sample a lobe of hit i, and a direction by it.
+    """Sample a lobe of hit i, and a direction by it; see `scatter`, and for ``ratio`` `scattered`.
 
-    Parameters are those of `scatter`, except ``ratio``, that of `scattered`, and ``keeps_power``:
-    transport power, which refraction leaves unscaled, instead of radiance, which it scales by the
-    index squared.
-
-    Returns
-    -------
-    row : of the lobe in the table; -1: absorbed
-    x, y, z : the direction
-    r, g, b : factors on throughput
-    density : pdf per solid angle; 0 for a delta lobe
-    is_refracted : whether the direction crosses a dielectric surface
+    ``keeps_power``: transport power, which refraction leaves unscaled, instead of radiance, which it scales
+    by the index squared. Returns the row of the lobe (-1: absorbed), the direction, factors on throughput,
+    the pdf per solid angle (0 for a delta lobe), and whether the direction crosses a dielectric surface.
     """
     chosen, chance, rest = pick_lobe(lobes, material, colors, i, choice[i, 0], EVERY)
     if chance == 0.0:
@@ -101,14 +93,7 @@ def density_of_turn(normal, geometric, i, dx, dy, dz, x, y, z, density):
 def connection_pdf_after(lobes, vertices, i, connection, x, y, z, density, is_through, stack):
     """Return `ConnectionPdf.density` of a path that leaves a non-delta vertex in the direction (x, y, z).
 
-    Parameters
-    ----------
-    density : float
-        pdf of the direction per solid angle.
-    is_through : bool
-        Whether the direction crosses a dielectric surface.
-    stack : (n, STACK) int32, or (n, 0)
-        Medium stacks of the rays that leave.
+    ``density`` is its pdf per solid angle, ``stack`` those of the rays that leave, or (n, 0).
     """
     material, colors, _, normal, direction, geometric, ratio = vertices
     dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
@@ -133,22 +118,17 @@ def connection_pdf_after(lobes, vertices, i, connection, x, y, z, density, is_th
     return so_far * turn / back if back > 0.0 else 0.0
 
 
-@part
+@inlined(cached=True)
 def scatter_one(
     lobes, vertices, i, xi, choice, stack, second, may_spread, may_mirror, roulette, reference,
     connection, onward, throughput, pdf,
 ):  # fmt: skip
-    """Scatter ray i in one direction and return its fate.
+    """Scatter ray i in one direction and return its fate; see `scatter`.
 
-    Parameters are those of `scatter`. ``reference`` is the throughput before, which roulette compares
-    with; 0: it takes no notice of throughput.
+    Roulette compares throughput with the ``reference``; 0: it takes no notice of it.
     """
     material, colors, _, normal, direction, geometric, ratio = vertices
-    is_smooth, object_id, connection_pdf = (
-        connection.is_smooth,
-        connection.object_id,
-        connection.density,
-    )
+    connection_pdf = connection.density
     pdf[i] = 0.0
     if material[i] < 0:
         return LEFT
@@ -168,7 +148,7 @@ def scatter_one(
             )
     else:
         fate = SPECULAR if may_mirror else STOPPED
-        if connection_pdf.size and is_smooth[object_id[i]]:
+        if connection_pdf.size and connection.is_smooth[connection.object_id[i]]:
             connection_pdf[i] = 0.0
     # Only light that goes through a clear body's surface may pass to the other side.
     if geometric.shape[0] and leaves_through_face(geometric, i, direction, x, y, z) != is_refracted:
@@ -190,38 +170,20 @@ def scatter_one(
     return fate
 
 
-@kernel
+@kernel(allocates=True)
 def scatter(
     lobes, vertices, xi, choice, stack, second, may_spread, may_mirror, roulette, connection, onward,
     throughput, pdf, fate,
 ):  # fmt: skip
     """Scatter each ray in one direction: BSDF sampling and Russian roulette.
 
-    Parameters
-    ----------
-    vertices : Vertices
-        The hits; rays end where they have no material.
-    xi : (n, 2) float64 in [0, 1)
-        Sample the direction.
-    choice : (n, 2) float64 in [0, 1)
-        The first column samples the lobe, the second is for Russian roulette.
-    stack : (n, STACK) int32, changed
-        Medium stacks; (n, 0) if the scene has no dielectric.
-    second : (n,) int32, or (0,)
-        Faces that coincide with the hits: see `hybrid_rt.shading.kernels.medium_stack`.
-    may_spread, may_mirror : bool
-        Whether non-delta and delta lobes are followed; False at the depth limit.
-    roulette : float
-        Above zero: upper limit of the survival probability, which follows throughput.
-    connection : ConnectionPdf
-        Its ``density`` is changed.
-    onward : (n, 3) float64, written
-    throughput : (n, 3) float64, changed
-    pdf : (n,) float64, written
-        pdf of the direction per solid angle; zero for a delta lobe.
-    fate : (n,) uint8, written
-        `LEFT` (no material), `STOPPED` (with what was lost in ``throughput``), `ABSORBED`,
-        `SCATTERED`, `SPECULAR`.
+    ``xi`` (n, 2) samples the direction, ``choice`` (n, 2) the lobe and roulette. ``stack`` (n, STACK)
+    changes; (n, 0) if the scene has no dielectric; ``second`` is as in
+    `hybrid_rt.shading.kernels.medium_stack`. ``may_spread`` and ``may_mirror``: non-delta and delta lobes
+    are followed; False at the depth limit. ``roulette``, above zero: upper limit of the survival
+    probability, which follows throughput. Of ``connection`` the density changes. Written are ``onward``,
+    ``throughput`` (n, 3), ``pdf`` (n,), 0 for a delta lobe, and the ``fate`` (n,): `LEFT` (no material),
+    `STOPPED` (with what was lost in ``throughput``), `ABSORBED`, `SCATTERED`, `SPECULAR`.
     """
     for i in range(fate.size):
         fate[i] = scatter_one(

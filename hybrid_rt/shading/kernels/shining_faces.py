@@ -30,19 +30,11 @@ def _angle(faces, k, px, py, pz):
     )  # fmt: skip
 
 
-@kernel
+@kernel(allocates=True)
 def sample_faces(faces, seen_from, xi, angle, points):
-    """Sample points evenly by solid angle.
+    """Sample points (n rows, written) evenly by solid angle; ``angle`` (m,) is scratch memory.
 
-    Parameters
-    ----------
-    faces : Faces of m rows
-    seen_from : (n, 3) float64
-    xi : (n, 2) float64 in [0, 1)
-    angle : (m,) float64, written
-        Scratch memory.
-    points : LightPoints of n rows, written
-        ``pdf_area`` is 0 where every face is seen from behind.
+    Their ``pdf_area`` is 0 where every face is seen from behind.
     """
     position, normal, pdf_area, u, v = points
     for i in range(pdf_area.size):
@@ -78,17 +70,9 @@ def sample_faces(faces, seen_from, xi, angle, points):
             pdf_area[i] = -(nx * x + ny * y + nz * z) / (math.sqrt(square) * square * total)
 
 
-@kernel
+@kernel(allocates=True)
 def angle_of_faces(faces, seen_from, total):
-    """Compute the solid angle of all faces together.
-
-    Parameters
-    ----------
-    faces : Faces of m rows
-    seen_from : (n, 3) float64
-    total : (n,) float64, written
-        Steradians.
-    """
+    """Compute the solid angle ``total`` (n,) of all faces together, seen from points (n, 3)."""
     for i in range(total.size):
         total[i] = 0.0
         for k in range(faces.corner.shape[0]):

@@ -52,31 +52,19 @@ def texture_color(textures, row, u, v, x, y, z):
     kind = textures.kind[row]
     number = textures.number
     if kind == IMAGE:
-        start, height, width = (
-            textures.image[row, 0],
-            textures.image[row, 1],
-            textures.image[row, 2],
-        )
-        wrap = textures.image[row, 3]
+        start, height = textures.image[row, 0], textures.image[row, 1]
+        width, wrap = textures.image[row, 2], textures.image[row, 3]
         left, right, across = _texel_row(u, width, wrap)
         low, high, down = _texel_row(1.0 - v, height, wrap)
         low, high = start + low * width, start + high * width
-        texel = textures.texel
         w00, w01 = (1.0 - across) * (1.0 - down), across * (1.0 - down)
         w10, w11 = (1.0 - across) * down, across * down
+        a, b, c, d = low + left, low + right, high + left, high + right
+        t = textures.texel
         return (
-            w00 * texel[low + left, 0]
-            + w01 * texel[low + right, 0]
-            + w10 * texel[high + left, 0]
-            + w11 * texel[high + right, 0],
-            w00 * texel[low + left, 1]
-            + w01 * texel[low + right, 1]
-            + w10 * texel[high + left, 1]
-            + w11 * texel[high + right, 1],
-            w00 * texel[low + left, 2]
-            + w01 * texel[low + right, 2]
-            + w10 * texel[high + left, 2]
-            + w11 * texel[high + right, 2],
+            w00 * t[a, 0] + w01 * t[b, 0] + w10 * t[c, 0] + w11 * t[d, 0],
+            w00 * t[a, 1] + w01 * t[b, 1] + w10 * t[c, 1] + w11 * t[d, 1],
+            w00 * t[a, 2] + w01 * t[b, 2] + w10 * t[c, 2] + w11 * t[d, 2],
         )
     is_second = False
     if kind == CHECKER_UV:
@@ -95,21 +83,11 @@ def texture_color(textures, row, u, v, x, y, z):
     return number[row, first], number[row, first + 1], number[row, first + 2]
 
 
-@kernel
+@kernel(allocates=True)
 def lobe_colors(textures, lobe_texture, factor, first_lobe, material, u, v, position, colors):
-    """Look up the colours of the lobes of each hit.
+    """Look up ``colors`` (n, most lobes, 3) of the lobes of each hit; not of negative materials.
 
-    Parameters
-    ----------
-    textures : TextureTable
-    lobe_texture, factor : (lobes,)
-        Texture of each lobe, int32, and the factor on its colour, float64.
-    first_lobe : (materials + 1,) int32
-    material : (n,) int32
-        Rows with a negative material are left unchanged.
-    u, v : (n,) float64
-    position : (n, 3) float64
-    colors : (n, lobes of a material at most, 3) float64, written
+    Each lobe has a texture, and a factor on its colour.
     """
     for i in range(material.size):
         if material[i] < 0:
@@ -117,13 +95,8 @@ def lobe_colors(textures, lobe_texture, factor, first_lobe, material, u, v, posi
         first = first_lobe[material[i]]
         for j in range(first_lobe[material[i] + 1] - first):
             r, g, b = texture_color(
-                textures,
-                lobe_texture[first + j],
-                u[i],
-                v[i],
-                position[i, 0],
-                position[i, 1],
-                position[i, 2],
-            )
+                textures, lobe_texture[first + j], u[i], v[i],
+                position[i, 0], position[i, 1], position[i, 2],
+            )  # fmt: skip
             part = factor[first + j]
             colors[i, j, 0], colors[i, j, 1], colors[i, j, 2] = part * r, part * g, part * b

@@ -9,10 +9,7 @@ from meshing.kernels.jit import inlined
 
 @inlined
 def onto_axis(ax, ay, az, cos_theta, sin_theta, phi):
-    """Turn an angle from a unit axis and one around it into a direction.
-
-    Frame: Duff et al., "Building an orthonormal basis, revisited", JCGT 6(1), 2017.
-    """
+    """Turn angles from a unit axis and around it into a direction (Duff et al., JCGT 6(1), 2017)."""
     sign = math.copysign(1.0, az)
     p = -1.0 / (sign + az)
     q = ax * ay * p

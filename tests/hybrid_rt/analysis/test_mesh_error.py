@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hybrid_rt.analysis.mesh_error import climb
-from hybrid_rt.core.ledger import as_json
+from hybrid_rt.core.plain_records import as_json
 from proof.cases.campaign import torus
 
 

@@ -194,6 +194,7 @@ def test_two_methods_agree_and_a_mesh_does_not():
     assert coarse["error"] < coarse["error_at_most"]
 
 
+@pytest.mark.nightly
 def test_meshes_are_judged_by_the_method_with_less_noise():
     """Whitted's method leaves out light; half a million photons bring little to a tube under a sky."""
     methods = [

@@ -1,17 +1,12 @@
 import argparse
-import contextlib
 import errno
-import fcntl
 import json
 import logging
 import os
-import pty
 import re
 import shlex
-import struct
 import subprocess
 import sys
-import termios
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -29,7 +24,6 @@ from hybrid_rt.cli.render import _how_to_go_on as how_to_go_on
 from hybrid_rt.cli.scene_file import SceneFileError, load_scene
 from hybrid_rt.rendering import renderer as rendering
 from hybrid_rt.rendering.forecast import further
-from hybrid_rt.rendering.progress_bar import progress_bar
 from hybrid_rt.rendering.report import Report, StoreFigures
 from hybrid_rt.sensor import image_files
 
@@ -190,20 +184,28 @@ def test_unknown_options_say_what_was_meant(words, meant, capsys):
     assert capsys.readouterr().err.splitlines()[-1] == said
 
 
-@pytest.mark.usefixtures("folder")
-def test_a_time_budget_is_in_seconds(capsys):
-    with pytest.raises(SystemExit):
-        cli.main(["render", "ball.py", "--time-budget", "1m"])
-    assert "argument --time-budget: '1m': pass seconds, such as 60" in capsys.readouterr().err
+WHOLE = "pass a whole number, such as 64 or 1e5"
 
 
-@pytest.mark.parametrize("text", ["1e-1", "1.5", "many", "1e400"])
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("render ball.py --time-budget 1m", "--time-budget: '1m': pass seconds, such as 60"),
+        *((f"render ball.py --photons {text}", f"--photons: '{text}': {WHOLE}")
+          for text in ("1e-1", "1.5", "many", "1e400")),
+        ("render ball.py --target-error 2x", "--target-error: '2x': pass a share, such as 0.02 or 2%"),
+        ("render ball.py --progress loud", "--progress: invalid choice: 'loud'"),
+        *((f"compare a.npz b.npz --exposure {text}",
+           f"--exposure: '{text}' stops: pass a number from -100 to 100")
+          for text in ("abc", "nan", "101")),
+    ],
+)  # fmt: skip
 @pytest.mark.usefixtures("folder")
-def test_numbers_of_photons_are_whole(text, capsys):
-    with pytest.raises(SystemExit):
-        cli.main(["render", "ball.py", "--photons", text])
-    said = f"argument --photons: {text!r}: pass a whole number, such as 64 or 1e5"
-    assert said in capsys.readouterr().err
+def test_what_is_no_number_or_choice_is_refused_in_words(words, said, capsys):
+    with pytest.raises(SystemExit) as caught:
+        cli.main(words.split())
+    assert caught.value.code == BAD_INPUT
+    assert f"argument {said}" in capsys.readouterr().err
 
 
 def test_whole_numbers_may_be_written_with_an_exponent(folder):
@@ -315,14 +317,6 @@ def test_bad_input_is_one_clear_line_and_exit_code_two(folder, capsys, arguments
     assert [path.name for path in folder.iterdir()] == ["ball.py"]
 
 
-def test_unknown_options_lead_to_the_help_of_the_command(folder, capsys):
-    with pytest.raises(SystemExit) as end:
-        cli.main(["render", "ball.py", "--gamma", "4"])
-    assert end.value.code == 2
-    assert "arguments: --gamma 4: hybrid-rt render --help lists" in capsys.readouterr().err
-    assert [path.name for path in folder.iterdir()] == ["ball.py"]
-
-
 def test_a_mesh_is_no_scene_script(folder, capsys):
     (folder / "part.STL").write_bytes(bytes(84))
     assert cli.main(["render", "part.STL"]) == 2
@@ -330,19 +324,6 @@ def test_a_mesh_is_no_scene_script(folder, capsys):
     (folder / "mine.npz").write_bytes(b"PK")
     assert cli.main(["render", "mine.npz"]) == 2
     assert "that is none; pass a .py with a function scene()" in capsys.readouterr().err
-
-
-def test_interrupt_is_exit_code_130_and_leaves_nothing(folder, capsys, monkeypatch):
-    def interrupted(*_args, **_kwargs):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(rendering, "run_passes", interrupted)
-    assert cli.main(["render", "ball.py", "--quiet"]) == 130
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.startswith("\nhybrid-rt: interrupted before a pass was complete")
-    assert err.endswith("no picture is written\n")
-    assert [path.name for path in folder.iterdir()] == ["ball.py"]
 
 
 @pytest.mark.parametrize(
@@ -522,15 +503,6 @@ def test_warnings_are_lines_without_places_in_the_code(capsys):
     assert error.count("\n") == 1
 
 
-@pytest.mark.parametrize("text", ["abc", "nan", "101"])
-def test_exposures_are_refused_in_words(text, capsys):
-    with pytest.raises(SystemExit) as caught:
-        cli.main(["compare", "a.npz", "b.npz", "--exposure", text])
-    assert caught.value.code == BAD_INPUT
-    expected = f"argument --exposure: '{text}' stops: pass a number from -100 to 100\n"
-    assert capsys.readouterr().err.endswith(expected)
-
-
 @pytest.mark.usefixtures("folder")
 def test_what_the_library_logs_is_a_line_above_the_bar(capsys, monkeypatch):
     """But not what the report says at the end in any case."""
@@ -571,43 +543,6 @@ def test_progress_is_shown_as_asked(words, shown, capsys):
     assert cli.main(["render", "ball.py", "--passes", "1", *words]) == 0
     lines = capsys.readouterr().err.splitlines()
     assert [line for line in lines if "Preparing kernels" not in line] == shown
-
-
-@pytest.mark.usefixtures("folder")
-def test_other_modes_of_progress_are_refused(capsys):
-    with pytest.raises(SystemExit) as caught:
-        cli.main(["render", "ball.py", "--progress", "loud"])
-    assert caught.value.code == BAD_INPUT
-    assert "invalid choice: 'loud'" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("columns", ["0", "1", "20", "79"])
-@pytest.mark.parametrize("term", [None, "", "nonsense", "xterm"])
-def test_no_terminal_is_too_damaged_for_a_bar(columns, term, monkeypatch):
-    """In a pseudo-terminal: no line wider than it, and no sequence that it may not know."""
-    monkeypatch.delenv("COLUMNS", raising=False)
-    monkeypatch.delenv("TERM", raising=False)
-    if term is not None:
-        monkeypatch.setenv("TERM", term)
-    leader, follower = pty.openpty()
-    size = struct.pack("HHHH", 24, int(columns), 0, 0)
-    fcntl.ioctl(follower, termios.TIOCSWINSZ, size)
-    with os.fdopen(follower, "w", encoding="utf-8") as stream:
-        show = progress_bar("auto", stream)
-        for i in range(3):
-            show("Rendering", i, 2)
-            show.note_error(0.9, 0.3, True)
-        show.close()
-    said = b""
-    with contextlib.suppress(OSError):  # what Linux says at the end of a pseudo-terminal
-        while block := os.read(leader, 4096):
-            said += block
-    os.close(leader)
-    lines = said.decode().replace("\r\n", "\n").replace("\r", "\n").splitlines()
-    width = int(columns) or 80
-    assert max(map(len, lines)) <= max(width - 1, 1)
-    assert b"\x1b" not in said
-    assert said.count(b"\n") == 1  # one line, however often it is drawn
 
 
 class TestExitCodes:
@@ -697,16 +632,6 @@ def test_target_errors_may_be_per_cent(words, error):
     parser = argparse.ArgumentParser()
     add_render_options(parser)
     assert parser.parse_args(["--target-error", words]).target_error == pytest.approx(error)
-
-
-def test_a_target_error_that_is_no_number_is_refused(capsys):
-    parser = argparse.ArgumentParser()
-    add_render_options(parser)
-    with pytest.raises(SystemExit):
-        parser.parse_args(["--target-error", "2 per cent"])
-    assert (
-        "--target-error: '2 per cent': pass a share, such as 0.02 or 2%" in capsys.readouterr().err
-    )
 
 
 @pytest.mark.parametrize("words", [["render", "ball.py"], ["study", "ball.py"], ["demo"]])

@@ -45,6 +45,7 @@ def run(tmp_path, monkeypatch, capsys):
     return run_command
 
 
+@pytest.mark.nightly
 def test_study_of_a_scene_and_the_overlay_of_two(run, tmp_path):
     pytest.importorskip("matplotlib")
     code, captured = run(f"tube.py {SMALL} --out a")

@@ -1,37 +1,21 @@
-"""Kernels that several processes compile: what is listed, what is waited for, what is left."""
+"""A cold kernel cache is filled by all cores, and safe for several processes."""
 
 import errno
-import importlib
-import json
 import os
+import select
 import subprocess
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
-from hybrid_rt import demo
+from hybrid_rt import Intersector, Sphere, demo
 from hybrid_rt.core import precompile
 from hybrid_rt.core import threads as pool
-from hybrid_rt.integrators import INTEGRATORS
-from hybrid_rt.intersection.kinds.registry import kernel_groups
-from hybrid_rt.scene.compiled import compile_scene
-from hybrid_rt.scene.plan import KERNELS_FOR, make_plan
 from meshing.kernels import cache
-from meshing.kernels.cache import SharedCache, name_of
 
 ROOT = Path(__file__).parents[3]
-LISTED = precompile.read_list()
-
-
-def test_every_entry_names_a_kernel_and_types_that_numba_knows():
-    for entry in LISTED:
-        kernel = precompile.named(entry.kernel)
-        assert isinstance(kernel._cache, SharedCache)
-        assert name_of(kernel.py_func) == entry.kernel
-        types = [precompile.type_from_json(words) for words in entry.types]
-        assert [precompile.type_to_json(numba_type) for numba_type in types] == entry.types
-        assert len(types) == kernel.py_func.__code__.co_argcount
 
 
 def test_a_file_system_without_locks_is_no_obstacle(tmp_path, monkeypatch):
@@ -78,148 +62,154 @@ def test_programs_that_python_is_built_into_are_not_started(
     assert precompile._is_python(executable) == starts_python
 
 
-def test_entries_are_distinct():
-    assert len({(e.kernel, json.dumps(e.types)) for e in LISTED}) == len(LISTED)
-
-
-def test_what_the_demo_announces_is_what_it_needs():
-    """It is announced before the first surface exists; here the surfaces are asked."""
-    scene = demo.scene()
-    surfaces = compile_scene(scene).surfaces
-    asked = {*kernel_groups(surfaces, "certified", "embree"), "whitted"}
-    of_mesh = {name for name in demo.KERNELS if name.endswith(", mesh")}
-    assert set(demo.KERNELS) - of_mesh == asked
-    assert of_mesh < set(kernel_groups(surfaces, "mesh", "embree"))
-
-
-def test_modules_and_decisions_exist():
-    plan = make_plan(compile_scene(demo.scene()), INTEGRATORS["path"])
-    for module, decision in KERNELS_FOR.items():
-        importlib.import_module(module)
-        assert plan[decision] in (True, False)
-
-
-@pytest.mark.slow
-def test_the_list_holds_what_kernels_are_called_with():
-    """If not: python tools/list_kernels.py. The scenes of this case have all sorts of surfaces."""
-    listed = {(e.kernel, json.dumps(e.types)) for e in LISTED}
-    done = subprocess.run(
-        [sys.executable, ROOT / "tools" / "list_kernels.py", "--case", "path"],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-        stdout=subprocess.PIPE,
-        check=True,
-    )
-    used = {(e["kernel"], json.dumps(e["types"])) for e in json.loads(done.stdout)}
-    assert used <= listed
-    assert len(used) > 40  # curved surfaces, lights and paths from them are among it
-
-
-# Calls two small kernels, which it has announced, and prints which it has compiled itself.
-CALLS = """
+# Calls two small kernels, as a task of its own does, and prints which it has compiled itself.
+CALLS = '''
 import json, sys
 import numpy as np
 from hybrid_rt.core import precompile
 from hybrid_rt.core import threads as pool
-from hybrid_rt.integrators.kernels.compaction import add_to_pixels
-from hybrid_rt.integrators.kernels.compaction import add_unblocked
+from hybrid_rt.integrators.kernels.compaction import add_to_pixels, add_unblocked
 
+TASK = """
+import numpy as np
+from hybrid_rt.integrators.kernels.compaction import add_to_pixels
+add_to_pixels(np.array([1, 1, 0]), np.ones((3, 3)), np.zeros((2, 3)))
+"""
 pool.available_threads = lambda: 2
 precompile._CODE = sys.argv[1] or precompile._CODE
-listed = [e for e in precompile.read_list() if e.kernel.split(":")[1] in sys.argv[2:]]
-precompile.read_list = lambda: listed
-precompile.want("path")
-precompile.fill_cold_cache()
+
+class Owner:
+    def tasks(self):
+        yield print, ("a helper says nothing",)
+        yield print, (lambda: "cannot be pickled",)
+        yield exec, (TASK,)
+
+owner, forgotten = Owner(), Owner()
+precompile.want(forgotten.tasks)
+del forgotten
+precompile.want(owner.tasks)
 image, radiance = np.zeros((2, 3)), np.zeros((2, 3))
-add_to_pixels(np.array([1, 1, 0]), np.ones((3, 3)), image)
 blocked = np.array([True, False])
 add_unblocked(np.array([1, 0]), np.zeros(2, dtype=bool), blocked, np.full((2, 3), 5.0), radiance)
+for helper in precompile._helpers:
+    helper.wait()
+add_to_pixels(np.array([1, 1, 0]), np.ones((3, 3)), image)
 assert image.tolist() == [[1] * 3, [2] * 3]
 assert radiance.tolist() == [[5] * 3, [0] * 3]
 kernels = (add_to_pixels, add_unblocked)
 print(json.dumps([[k.__name__ for k in kernels if k.stats.cache_misses],
-                  len(precompile._workers._processes)]))
-"""
+                  len(precompile._helpers)]))
+'''
 
 
 def run_cold(folder, code=""):
-    """Return which kernels a process has compiled itself, and how many processes it started."""
+    """Return which kernels a process has compiled itself, and how many helpers it started."""
     done = subprocess.run(
-        [sys.executable, "-c", CALLS, code, "add_to_pixels", "add_unblocked"],
+        [sys.executable, "-c", CALLS, code],
         env={**os.environ, "NUMBA_CACHE_DIR": str(folder), "PYTHONPATH": os.pathsep.join(sys.path)},
         capture_output=True,
         text=True,
         check=True,
     )
     assert done.stderr == ""
-    compiled, n_processes = json.loads(done.stdout)
-    return compiled, n_processes
+    return done.stdout.strip()
 
 
-def test_a_cold_cache_is_filled_by_others_and_a_warm_one_starts_nobody(tmp_path):
-    """While one kernel is compiled here, another process compiles the other."""
-    compiled, n_processes = run_cold(tmp_path)
-    assert len(compiled) < 2
-    assert n_processes >= 1
-    assert run_cold(tmp_path) == ([], 0)
+def test_helpers_do_what_is_announced_and_a_warm_cache_starts_none(tmp_path):
+    assert run_cold(tmp_path) == '[["add_unblocked"], 2]'
+    assert run_cold(tmp_path) == "[[], 0]"
+    assert not list(tmp_path.rglob("*.claim"))
 
 
-def test_where_others_fail_everything_is_compiled_here(tmp_path):
-    compiled, n_processes = run_cold(tmp_path, code="import sys; sys.stdin.readline(); sys.exit(3)")
-    assert compiled == ["add_to_pixels", "add_unblocked"]
-    assert n_processes >= 1
+def test_where_helpers_fail_everything_is_compiled_here(tmp_path):
+    assert (
+        run_cold(tmp_path, "import sys; sys.exit(3)") == '[["add_to_pixels", "add_unblocked"], 2]'
+    )
 
 
-def of_kernels(*seconds, parts=()):
-    """Return workers that know kernels 0, 1, ... of a list; ``parts`` are those of kernel 0."""
-    workers = precompile._Workers()
-    workers._listed = [
-        precompile.Listed(f"kernels:{i}", [], ["path"], each, list(parts) if i == 0 else [])
-        for i, each in enumerate(seconds)
-    ]
-    workers.want({("path", ())})
-    workers._known, workers._queue = set(range(len(seconds))), list(range(len(seconds)))
-    return workers
+def test_of_each_kind_of_a_scene_there_are_tasks():
+    tracer = Intersector([Sphere((0, 0, 0), 1.0), demo.vase(3.0, 0.0, 1.0), Sphere((0, 5, 0), 1.0)])
+    tasks = [(len(surfaces), *ways) for _, (surfaces, *ways) in tracer._rehearsals()]
+    ways = [("certified", "none"), ("mesh", "embree")]
+    assert tasks == [(n, *way) for way in ways for n in (1, 2)]
+    for do, arguments in tracer._rehearsals():
+        do(*arguments)
 
 
-def test_what_is_left_counts_by_the_time_it_takes():
-    assert precompile._Workers().how_far() == (0, 0)
-    workers = of_kernels(4.0, 2.0, 0.01)
-    assert workers.how_far() == (0, 61)
-    workers._queue, workers._at_work = [1, 2], {0}
-    assert workers.how_far() == (0, 61)
-    workers._at_work = set()
-    assert workers.how_far() == (40, 61)
-    workers._queue = []
-    assert workers.how_far() == (60, 61)  # this process may still compile
+# Says when it needs a kernel, and when it begins to compile it; goes on when it is told.
+STEPS = """
+import sys
+from meshing.kernels.cache import SharedCache
+from kernel import double
+claim = SharedCache._claim
+def told(self, sig):
+    print("needs", flush=True)
+    claim(self, sig)
+    print("begins", flush=True)
+    sys.stdin.readline()
+SharedCache._claim = told
+print(double(21), double.stats.cache_misses.total())
+"""
 
 
-def test_parts_are_compiled_before_what_links_them():
-    workers = of_kernels(4.0, 2.0, 1.0, 3.0, parts=["kernels:1", "kernels:2"])
-    assert [workers._next(), workers._next()] == [1, 2]
-    assert workers._next() == 3  # the parts are at work still
-    workers._end(1, True)
-    assert not workers._is_ready(0)
-    workers._end(2, False)  # it could not be compiled: the kernel compiles it for itself
-    assert workers._next() == 0
-    assert workers._next() is None
+@pytest.fixture
+def one_kernel(tmp_path):
+    """Return what starts a process that needs a kernel."""
+    (tmp_path / "kernel.py").write_text(
+        "from meshing.kernels.jit import kernel\n@kernel\ndef double(x):\n    return 2 * x\n"
+    )
+    with ExitStack() as stack:
+
+        def start():
+            process = subprocess.Popen(
+                [sys.executable, "-c", STEPS],
+                cwd=tmp_path, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+                env=os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])},
+            )  # fmt: skip
+            stack.enter_context(process)
+            stack.callback(process.kill)
+            return process
+
+        yield start
 
 
-def test_only_parts_of_what_is_wanted_are_compiled():
-    workers = of_kernels(4.0, 2.0, 1.0, parts=["kernels:1"])
-    workers._listed[1].groups.append("ppm")
-    workers._listed.append(precompile.Listed("others:whole", [], ["path"], 1.0, ["others:part"]))
-    workers._listed.append(precompile.Listed("others:part", [], ["path"], 1.0))
-    assert workers._wanted_numbers() == {0, 1, 2, 3, 4}
-    workers._wanted = {("path", ("others",))}
-    assert workers._wanted_numbers() == {0, 1, 2}
-    workers._wanted = {("ppm", ())}
-    assert workers._wanted_numbers() == set()  # nothing that links the part is wanted
+def test_what_one_process_compiles_another_waits_for(one_kernel):
+    first = one_kernel()
+    assert [first.stdout.readline() for _ in range(2)] == ["needs\n", "begins\n"]
+    second = one_kernel()
+    assert second.stdout.readline() == "needs\n"
+    assert not select.select([second.stdout], [], [], 0.1)[0]
+    assert first.communicate("\n")[0] == "42 1\n"
+    assert second.communicate("\n")[0] == "begins\n42 0\n"
+
+
+def test_nobody_waits_for_a_process_that_has_ended(one_kernel):
+    first = one_kernel()
+    assert [first.stdout.readline() for _ in range(2)] == ["needs\n", "begins\n"]
+    second = one_kernel()
+    assert second.stdout.readline() == "needs\n"
+    first.kill()
+    assert second.communicate("\n")[0] == "begins\n42 1\n"
+
+
+def test_who_fails_to_compile_lets_others_try(monkeypatch, tmp_path):
+    (tmp_path / "fails.py").write_text(
+        "from meshing.kernels.jit import kernel\n@kernel\ndef fail(x):\n    return x.nothing\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    from fails import fail
+
+    for _ in range(2):
+        with pytest.raises(Exception, match="nothing"):
+            fail(1)
+        assert not fail._cache._claims
+        assert not list(tmp_path.rglob("*.claim"))
 
 
 def test_a_part_is_loaded_from_the_cache_by_what_links_it(tmp_path):
     """The kernel is compiled anew, the part is not."""
     (tmp_path / "parts.py").write_text(
-        "from meshing.kernels.jit import part\n@part\ndef square(x):\n    return x * x\n"
+        "from meshing.kernels.jit import inlined\n@inlined(cached=True)\ndef square(x):\n    return x * x\n"
     )
     kernel = (
         "from meshing.kernels.jit import kernel\nfrom parts import square\n"
@@ -241,7 +231,7 @@ def test_a_part_is_loaded_from_the_cache_by_what_links_it(tmp_path):
 def test_one_core_compiles_for_itself(monkeypatch):
     monkeypatch.setattr(pool, "available_threads", lambda: 1)
     monkeypatch.setattr(cache, "on_miss", None)
-    precompile.want("spheres")
+    Intersector(Sphere((0, 0, 0), 1.0))
     assert cache.on_miss is None
 
 

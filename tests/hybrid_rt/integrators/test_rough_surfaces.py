@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 import trimesh
+from marks import nightly_but
 from scipy import stats
 
 from hybrid_rt import (
@@ -91,7 +92,7 @@ class TestMetal:
         ):
             assert_agree(path, means(scene, integrator, 8, options=options))
 
-    @pytest.mark.parametrize("name", ["narrow", "gathers"])
+    @pytest.mark.parametrize("name", nightly_but(["narrow", "gathers"], "gathers"))
     def test_paths_and_photons_agree_on_what_goes_between_surfaces(self, name):
         scene = view([FLOOR, WALL, Object(BALL, METALS[name])], [LAMP])
         path = means(scene, "path", 32)
@@ -101,7 +102,7 @@ class TestMetal:
         photon_map = means(scene, "photon_map", 3, options=PhotonMapOptions(20_000))
         assert_agree(path, photon_map, 0.06)
 
-    @pytest.mark.parametrize("name", METALS)
+    @pytest.mark.parametrize("name", nightly_but(METALS, "follows"))
     def test_lamps_asked_run_into_and_both(self, name):
         scene = view([FLOOR, WALL, Object(BALL, METALS[name])], [LAMP])
         both, lights, directions = (
@@ -122,7 +123,7 @@ class TestMetal:
         error = gap.std(axis=0, ddof=1) / math.sqrt(len(gap))
         assert (np.abs(gap.mean(axis=0)) <= stats.norm.isf(ALARM) * error + 2e-3).all()
 
-    @pytest.mark.parametrize("roughness", [0.1, 0.8])
+    @pytest.mark.parametrize("roughness", nightly_but([0.1, 0.8], 0.8))
     def test_light_paths_find_the_same_light(self, roughness):
         """Rough metal lights and is lit by way of glass and a mirror."""
         objects = [
@@ -214,14 +215,16 @@ class TestGlass:
         ):
             assert_agree(path, means(scene, integrator, 8, options=options), 0.002)
 
-    @pytest.mark.parametrize("name", SCENES)
+    @pytest.mark.parametrize("name", nightly_but(SCENES, "absorbing", "overlapping"))
     def test_lamps_asked_run_into_and_both(self, name):
         """Shadow rays through the surface, and the media that they run in."""
         both, lights, directions = (self.by_paths(name, way) for way in WAYS)
         assert_agree(both, lights)
         assert_agree(both, directions)
 
-    @pytest.mark.parametrize("name", ["ball", "absorbing", "lamp within", "overlapping"])
+    @pytest.mark.parametrize(
+        "name", nightly_but(["ball", "absorbing", "lamp within", "overlapping"], "absorbing")
+    )
     def test_paths_and_photons_agree(self, name):
         path = self.by_paths(name, "both")
         ppm = means(self.scene(name), "ppm", 5, options=PPMOptions(6_000))

@@ -10,6 +10,7 @@ from hybrid_rt import (
     Emissive,
     Lambertian,
     Object,
+    PhotonMapOptions,
     PointLight,
     PPMOptions,
     Rectangle,
@@ -58,7 +59,7 @@ def test_light_falls_through_the_hole_as_between_four_plates(integrator):
 @pytest.mark.parametrize("integrator", ["photon_map", "ppm"])
 def test_photons_fall_through_the_hole(integrator):
     lights = [RectangleLight((-0.2, -0.2, 3.0), (0, 0.4, 0), (0.4, 0, 0), (40, 40, 40))]
-    options = PPMOptions(20_000) if integrator == "ppm" else None
+    options = {"ppm": PPMOptions(20_000), "photon_map": PhotonMapOptions(50_000)}[integrator]
     pictures = [
         render(Scene(CAMERA, [FLOOR, *plate], lights), integrator, passes=4, options=options).image
         for plate in (trimmed(), in_four())

@@ -6,12 +6,20 @@ from math import comb
 
 import numpy as np
 import pytest
+from hard_rays import (
+    OFFSETS,
+    assert_crossings_are_exact,
+    assert_decided_exactly,
+    from_far,
+    leaving,
+    offsets,
+    share_met_on_the_way,
+    tangents,
+    unit,
+)
 from mpmath import mp
 
 from hybrid_rt import Asphere, Intersector, Sphere, Status, SurfaceOfRevolution, reflect
-from proof.exact.judge import ExactJudge
-from proof.exact.truth import ExactScene
-from proof.judge import Judge
 
 ASPHERES = {
     "hyperboloid": Asphere(10, -2.25, [], 22, (0.2, -0.1, 0.3), (0.3, -0.2, 1)),
@@ -24,15 +32,8 @@ ASPHERES = {
     "steep": Asphere(1, 0, [], 2 * np.sqrt(1 - 2e-3), (0, 0, 0), (0, 0, 1)),
     "far away": Asphere(1e6, -0.4, [0, 1e-19], 1.5e6, (1e9, -2e9, 3e8), (1, 2, 3)),
 }
-# Distances from tangency, rim or vertex, over the size; inside is negative.
-OFFSETS = np.array([0.0, *(s * 10.0**-k for k in range(1, 15) for s in (1, -1))])
-
 # 1e-3 times the Chebyshev polynomial T_8(2 w - 1), but for its constant: terms up to 665, the sum 2e-3.
 CANCELLING = 1e-3 * np.array([-128, 2688, -21504, 84480, -180224, 212992, -131072, 32768])
-
-
-def unit(vectors):
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
 def on_asphere(asphere, n, rng, v=None):
@@ -42,10 +43,6 @@ def on_asphere(asphere, n, rng, v=None):
     return asphere.point(u, v), asphere.normal(u, v), unit(about), unit(over)
 
 
-def offsets(asphere, n, rng):
-    return asphere.size * rng.choice(OFFSETS, n)[:, None]
-
-
 def back(asphere, n, rng, ways=(0.0, 0.02, 0.5, 30)):
     return asphere.size * rng.choice(ways, n)[:, None]
 
@@ -53,8 +50,7 @@ def back(asphere, n, rng, ways=(0.0, 0.02, 0.5, 30)):
 def silhouettes(asphere, n, rng):
     """Tangents, most of them along one of the principal directions."""
     points, normals, about, over = on_asphere(asphere, n, rng)
-    turn = rng.integers(4, size=n) * np.pi / 2 + rng.normal(size=n) * 10.0 ** rng.uniform(-9, 1, n)
-    ways = np.cos(turn)[:, None] * about + np.sin(turn)[:, None] * over
+    ways = tangents(n, rng, about, over)
     return points + offsets(asphere, n, rng) * normals - back(asphere, n, rng) * ways, ways
 
 
@@ -97,29 +93,13 @@ def of_a_lens(asphere, n, rng):
     return points - back(asphere, n, rng) * ways, ways
 
 
-def from_far(asphere, n, rng):
-    """From 1e2 to 1e9 sizes away, half of them tangent."""
-    points, normals, about, over = on_asphere(asphere, n, rng)
-    tangent = unit(about + rng.normal(size=(n, 1)) * over)
-    ways = np.where(rng.random((n, 1)) < 0.5, tangent, unit(rng.normal(size=(n, 3))))
-    points = points + offsets(asphere, n, rng) * normals
-    return points - asphere.size * 10.0 ** rng.uniform(2, 9, (n, 1)) * ways, ways
-
-
-def leaving(asphere, n, rng):
-    """From the surface, to both sides, at cos 1 to 1e-8."""
-    points, normals, about, over = on_asphere(asphere, n, rng)
-    side = 10.0 ** rng.uniform(-8, 0, (n, 1)) * rng.choice([-1, 1], (n, 1))
-    return points, side * normals + unit(about + rng.normal(size=(n, 1)) * over)
-
-
 RAYS = {
     "silhouettes": silhouettes,
     "rim": at_rim,
     "vertex": at_vertex,
     "lens": of_a_lens,
-    "far": from_far,
-    "leaving": leaving,
+    "far": from_far(on_asphere),
+    "leaving": leaving(on_asphere),
 }
 
 
@@ -127,17 +107,7 @@ RAYS = {
 @pytest.mark.parametrize("name", ASPHERES)
 def test_hard_rays_are_decided_as_the_exact_roots_say(name, kind):
     asphere, rng = ASPHERES[name], np.random.default_rng(len(name) + 100 * len(kind))
-    origins, directions = RAYS[kind](asphere, 40, rng)
-    hits = Intersector([asphere]).intersect(origins, directions)
-    verdict = ExactJudge([asphere]).judge(hits, origins, directions)
-    assert verdict.n_wrong == verdict.wrong_tangent == 0
-    assert verdict.left_open == 0
-    assert verdict.worst_bound <= 1.0
-    assert verdict.worst_gap <= 1.0
-    # Where moving the ray by the band changes the answer TANGENT is said, and only there; the edge
-    # of the band itself is known to the rounding of g.
-    assert verdict.unmarked == 0
-    assert verdict.tangent_needlessly <= 1
+    assert_decided_exactly(asphere, *RAYS[kind](asphere, 40, rng))
 
 
 def test_closed_forms():
@@ -185,42 +155,15 @@ def test_a_cap_of_a_sphere_is_met_as_the_sphere():
 
 @pytest.mark.parametrize("name", list(ASPHERES)[:6])
 def test_departures_are_not_met_again_and_the_other_roots_are(name):
-    asphere, rng = ASPHERES[name], np.random.default_rng(9)
-    tracer = Intersector([asphere])
-    points, normals, about, over = on_asphere(asphere, 400, rng)
-    seen = tracer.intersect(points + 0.02 * asphere.size * normals, -normals)
-    seen, about, over = seen[seen.hit], about[seen.hit], over[seen.hit]
-    n = len(seen)
-    assert n > 300
-    tilt = 10.0 ** rng.uniform(-5, 0, (n, 1)) * rng.choice([-1, 1], (n, 1))
-    ways = tilt * seen.normal + unit(rng.normal(size=(n, 1)) * over + about)
-    hits = tracer.intersect(seen.position, ways, source=seen)
-    verdict = Judge([asphere]).judge(hits, seen.position, ways, seen.object_id)
-    assert verdict.n_wrong == 0
-    assert (hits.t[hits.hit] > 0).all()
-    # Shadow rays agree, to infinity and to the hit itself.
-    assert np.array_equal(tracer.occluded(seen.position, ways, source=seen), hits.hit)
-    rows = np.flatnonzero(hits.hit & (hits.status == Status.HIT))
-    to_hit = tracer.occluded(
-        seen.position[rows], ways[rows], 1.001 * hits.t[rows], source=seen[rows], target=hits[rows]
-    )
-    assert not to_hit.any()
+    rng = np.random.default_rng(9)
+    assert share_met_on_the_way(ASPHERES[name], on_asphere, 0.02, rng) == 0.0
 
 
 def test_all_crossings_are_the_roots_of_the_polynomial():
     asphere, rng = ASPHERES["gull wing"], np.random.default_rng(2)
     targets, _, _, over = on_asphere(asphere, 300, rng)
     origins = targets - 15 * unit(over + 0.2 * rng.normal(size=(300, 3)))
-    found = Intersector([asphere]).intersect_all(origins, targets - origins)
-    scene = ExactScene([asphere])
-    roots = [
-        [x.t for x in scene.crossings(o, d) if x.t > 0.0]
-        for o, d in zip(origins, targets - origins, strict=True)
-    ]
-    assert found.count.tolist() == [len(of_ray) for of_ray in roots]
-    assert set(found.count) >= {1, 2, 3, 4}
-    t = np.concatenate(roots)
-    assert (np.abs(found.hits.t - t) <= found.hits.t_bound + np.spacing(t)).all()
+    assert_crossings_are_exact(asphere, origins, targets - origins, {1, 2, 3, 4})
 
 
 def test_images_are_met_where_their_points_are():

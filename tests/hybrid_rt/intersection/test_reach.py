@@ -14,20 +14,20 @@ from hybrid_rt.intersection.kernels.search.coarse import rays_to_float32
 from hybrid_rt.intersection.kernels.search.nearest import Rays
 from hybrid_rt.intersection.kernels.sphere import offer_sphere, sphere_table, trace_spheres
 from hybrid_rt.intersection.kind import new_nearest
-from meshing.kernels.jit import hot_kernel
+from meshing.kernels.jit import kernel
 
 N = 4000
 COLUMNS = ("t", "t_bound", "object_id", "a", "b", "tangent", "doubt")
 
 
-@hot_kernel
+@kernel
 def each_rectangle(table, rays, best):
     for i in range(rays.origin.shape[0]):
         for k in range(table.object_id.shape[0]):
             offer_parallelogram(i, k, table, rays, best)
 
 
-@hot_kernel
+@kernel
 def each_sphere(table, rays, best):
     for i in range(rays.origin.shape[0]):
         for k in range(table.object_id.shape[0]):

@@ -191,7 +191,7 @@ def test_only_free_forms_and_meshes_become_triangles(surface):
 class Ghost(Surface):
     """A surface that nobody has registered."""
 
-    point = partials = normal = transformed = flipped = None
+    _points = _partials = _normals = transformed = flipped = None
     bounds = np.zeros((2, 3))
 
 

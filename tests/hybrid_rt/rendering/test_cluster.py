@@ -183,6 +183,7 @@ def test_a_lost_scheduler_leaves_the_picture_and_a_store_that_goes_on(processes,
 
 
 @pytest.mark.usefixtures("small_tasks")
+@pytest.mark.nightly
 def test_a_render_ends_when_no_worker_is_left(processes, monkeypatch):
     """Until then progress is told that it is still there, so that a watcher may end it earlier."""
     monkeypatch.setattr(cluster, "PATIENCE", 1.0)
@@ -203,6 +204,7 @@ def scenes_set_up():
     return [prepared._ready is not None for prepared in _SCENES.values()]
 
 
+@pytest.mark.nightly
 def test_workers_set_the_scene_up_before_the_first_pass():
     """Or that would count as the slowest pass, by which a time budget is judged."""
     asked = scene(), Settings(passes=16, coarse="none")
@@ -211,6 +213,7 @@ def test_workers_set_the_scene_up_before_the_first_pass():
         assert list(source._client.run(scenes_set_up).values()) == [[True]]
 
 
+@pytest.mark.nightly
 def test_a_worker_that_was_restarted_gets_the_scene_again():
     """Its address may be the same. Tasks that it fails in between are made again."""
     asked = scene(), Settings(passes=16, coarse="none")
@@ -226,6 +229,7 @@ def hears_ctrl_c():
     return signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 
+@pytest.mark.nightly
 def test_processes_of_this_machine_do_not_hear_ctrl_c():
     """A terminal sends it to them as well, and each printed a traceback; this process ends them."""
     asked = scene(), Settings(passes=16, coarse="none")
@@ -276,6 +280,7 @@ def test_processes_of_this_machine_by_the_command(tmp_path, capsys):
     np.testing.assert_array_equal(np.load(out)["image"], render(scene(), passes=17).image)
 
 
+@pytest.mark.nightly
 def test_passes_that_are_not_in_the_picture_are_not_counted():
     """A target ends a render while tasks have made more; by as many as the report counts of itself."""
     settings = {"integrator": "ppm", "options": PPMOptions(photons_per_pass=2000)}
@@ -285,6 +290,7 @@ def test_passes_that_are_not_in_the_picture_are_not_counted():
         assert part[name] == whole[name]
 
 
+@pytest.mark.nightly
 def test_an_integrator_that_workers_do_not_know_is_named(processes, monkeypatch):
     own = replace(INTEGRATORS["whitted"], name="own")
     monkeypatch.setitem(INTEGRATORS, "own", own)
@@ -293,6 +299,7 @@ def test_an_integrator_that_workers_do_not_know_is_named(processes, monkeypatch)
         render(scene(), "own", passes=4, cluster=processes.address)
 
 
+@pytest.mark.nightly
 def test_a_script_without_main_guard_is_told_so(tmp_path):
     script = tmp_path / "unguarded.py"
     script.write_text(

@@ -17,7 +17,6 @@ import pytest
 
 from hybrid_rt.cli import main
 from hybrid_rt.cli import render as cli_render
-from hybrid_rt.core import precompile
 from hybrid_rt.core.interrupts import (
     heard_anywhere,
     heard_at_stops,
@@ -388,18 +387,6 @@ def test_a_pool_writes_no_more_when_the_interrupt_is_heard():
         "stop_point",
         "_deliver",
     ]
-
-
-def test_who_waits_for_a_kernel_hears_and_leaves_its_lock():
-    compiling = precompile._Workers()
-    compiling._at_work.add(3)
-    main = threading.main_thread().ident
-    timer = threading.Timer(0.02, lambda: [signal.pthread_kill(main, signal.SIGINT)] * 3)
-    timer.start()
-    with pytest.raises(KeyboardInterrupt), heard_at_stops():
-        compiling.wait_for(3)
-    timer.join()
-    assert compiling._changed.acquire(blocking=False)
 
 
 @pytest.mark.parametrize("place", ["rendered", "_saved"])

@@ -290,25 +290,6 @@ def test_two_renders_do_not_share_a_folder(tmp_path):
     render(scene(), passes=1, store=tmp_path)
 
 
-@pytest.mark.parametrize("how", ["torn", "a flipped bit", "empty"])
-def test_damaged_sums_are_said_and_the_older_ones_taken(how, tmp_path):
-    render(scene(), passes=6, store=tmp_path)
-    render(scene(), passes=9, store=tmp_path, resume=True)
-    newest = tmp_path / "sums-1.npz"
-    content = bytearray(newest.read_bytes())
-    if how == "torn":
-        del content[len(content) // 2 :]
-    elif how == "empty":
-        content.clear()
-    else:
-        content[content.index(b"sums.npy") + 4000] ^= 16
-    newest.write_bytes(content)
-    part = render(scene(), passes=12, store=tmp_path, resume=True)
-    assert part.report["store"]["passes_before"] == 6
-    assert "sums-1.npz is damaged" in part.report["store"]["lost"][0]
-    np.testing.assert_array_equal(part.image, render(scene(), passes=12).image)
-
-
 def test_a_full_disk_loses_no_picture(tmp_path, monkeypatch):
     render(scene(), passes=6, store=tmp_path)
 

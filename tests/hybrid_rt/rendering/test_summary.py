@@ -150,7 +150,8 @@ class TestTargetWithoutLamps:
         sun = SphereLight((0, 300, 1000), 5.0, 4e4)
         view = Scene(self.CAMERA, [self.FLOOR, *panes], [sun], GradientSky(0.2, 0.2))
         report = render(view, threads=1, passes=16).report
-        (words,) = warnings_in_words(report)
+        lacks, words = warnings_in_words(report)
+        assert lacks.startswith("the part of the picture in row 4")
         assert words.startswith("lamps, or a sun in the sky, that camera rays meet by chance alone")
         assert words.endswith("take ppm, which sends photons from there")
         photons = render(view, "ppm", threads=1, passes=16, options=PPMOptions(20_000)).report

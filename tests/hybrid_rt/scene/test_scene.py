@@ -160,7 +160,7 @@ def test_shining_surfaces_without_area_are_refused_by_name():
         compile_scene(Scene(CAMERA, [Object(flat, Emissive(1.0), "sliver")]))
 
 
-@kernel
+@kernel(allocates=True)
 def sky_directions(sky, xi, direction):
     """Fill unit directions (n, 3) chosen by brightness from numbers (n, 2) in [0, 1)."""
     for i in range(xi.shape[0]):

@@ -6,7 +6,7 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 
-from hybrid_rt.sensor import film, image_files
+from hybrid_rt.sensor import image_files
 from hybrid_rt.sensor.color import linear_to_srgb, srgb_to_linear
 from hybrid_rt.sensor.film import Film
 from hybrid_rt.sensor.image_files import check_output, save_image
@@ -352,17 +352,6 @@ def test_what_is_not_finite_or_black_is_counted():
         sheet.add(radiance)
     assert np.isnan(sheet.relative_errors().trimmed)
     assert sheet.noise().pixels_without_light == 50
-
-
-def test_peaks_are_cut_to_their_neighbours():
-    image = np.ones((3, 4, 3))
-    image[1, 1] = 9.0
-    image[0, 3] = 0.5
-    level = film._without_peaks(image)
-    assert level[1, 1, 0] == pytest.approx(1.0)
-    assert level[0, 3, 0] == 0.5
-    assert level[0, 2, 0] == pytest.approx(1.0)  # of neighbours 0.5, 1, 1, 9 and 1
-    assert film._without_peaks(np.full((1, 1, 3), 7.0)).max() == 7.0
 
 
 def test_groups_take_runs_of_four_passes_in_turn():

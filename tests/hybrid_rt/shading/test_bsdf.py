@@ -40,7 +40,7 @@ def table_of(material, n):
     return lobes, np.ascontiguousarray(np.broadcast_to(colors, (n, *colors.shape)))
 
 
-@kernel
+@kernel(allocates=True)
 def evaluate_lobes(lobes, material, colors, normal, direction, wi, asked, value, pdf):
     """Fill ``value`` (n, 3) with f cos and ``pdf`` (n,) for given directions; see `scattered`."""
     for i in range(material.size):

@@ -21,7 +21,7 @@ ROUGHNESS = [0.01, 0.1, 0.4, 0.7, 1.0]
 COSINES = [1.0, 0.5, 0.02]
 
 
-@kernel
+@kernel(allocates=True)
 def evaluate(lobes, material, colors, normal, direction, wi, ratio, value, pdf):
     for i in range(material.size):
         value[i, 0], value[i, 1], value[i, 2], pdf[i] = scattered(

@@ -269,7 +269,8 @@ MUTANTS = (
     ),
     Mutant(
         "rounding of S(u, v) a quarter", "rounding_of_root",
-        "sums = 4.0 if rational is None else 8.0", "sums = 1.0 if rational is None else 2.0",
+        "sums = 4.0 if rational is None or not rational else 8.0",
+        "sums = 1.0 if rational is None or not rational else 2.0",
         "bound of t of degrees above 3", PATCHES,
     ),
     Mutant(

@@ -11,9 +11,10 @@ import importlib
 import pkgutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -29,11 +30,12 @@ IDS = tuple(
         ("E", 11),
         ("F", 15),
         ("H", 3),
-        ("L", 15),
+        ("L", 16),
     )
     for number in range(1, count + 1)
 )
 TESTS = Path(__file__).parents[2]
+T = TypeVar("T")
 NOT_BUILT = {
     "D29": "normal maps",
 }
@@ -57,6 +59,12 @@ class Effort:
     def is_small(self) -> bool:
         """Whether series of cases are thinned out."""
         return self.factor < 0.5
+
+    def some(self, series: Sequence[T]) -> Sequence[T]:
+        """Return a series; in a small run only its ends and its middle."""
+        if not self.is_small or len(series) <= 3:
+            return series
+        return [series[0], series[len(series) // 2], series[-1]]
 
     def count(self, n: int, least: int = 1) -> int:
         """Return n scaled by the effort."""
@@ -209,7 +217,7 @@ def tested(row_id: str, title: str, truth: str, *tests: str) -> None:
 
     def run(effort: Effort) -> Outcome:
         del effort
-        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
+        command = [sys.executable, "-m", "pytest", "-q", "-m", "", "-p", "no:cacheprovider"]
         names = [str(TESTS / "hybrid_rt" / test) for test in tests]
         done = subprocess.run(
             [*command, *names], check=False, cwd=TESTS.parent, capture_output=True, text=True

@@ -49,7 +49,7 @@ def bounded_work(effort: Effort) -> Outcome:
     for title, scene in scenes.items():
         for integrator in INTEGRATORS:
             result, mib, seconds = measured(
-                partial(picture, effort, scene, integrator, 2, n_photons=2000)
+                partial(picture, effort, scene, integrator, 2, n_photons=effort.count(2000, 200))
             )
             name = f"{integrator}, {title}"
             most, longest = max(most, mib), max(longest, seconds)

@@ -52,7 +52,7 @@ def lamps_of_all_sizes(effort: Effort) -> Outcome:
     for integrator in INTEGRATORS:
         for kind in ("square", "ball", "shining ball"):
             errors, allowed = [], []
-            for size in SIZES:
+            for size in effort.some(SIZES):
                 lights: list[Light] = []
                 objects = [FLOOR]
                 if kind == "square":
@@ -76,7 +76,7 @@ def lamps_of_all_sizes(effort: Effort) -> Outcome:
                 errors.append(off[0] / truth)
                 allowed.append(off[1] / truth)
             curves.append(
-                Curve("size of the lamp / height", f"{integrator}, {kind}", list(SIZES),
+                Curve("size of the lamp / height", f"{integrator}, {kind}", list(effort.some(SIZES)),
                       shown(errors), allowed, unit="of the radiance")
             )  # fmt: skip
     return outcome + Outcome(curves=tuple(curves))

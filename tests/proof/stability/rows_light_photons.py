@@ -193,7 +193,7 @@ def gather_radii(effort: Effort) -> Outcome:
     """Radii that are taken give the mean of the light over their discs; others are refused."""
     outcome, x, errors, allowed = Outcome(), [], [], []
     scene = evenly_lit(BELOW_PANE)
-    for share in SHARES[::2] if effort.is_small else SHARES:
+    for share in effort.some(SHARES):
         radius = share * ACROSS
         if not NARROWEST <= share <= WIDEST:
             options = PPMOptions(100, initial_radius=radius)
@@ -209,7 +209,7 @@ def gather_radii(effort: Effort) -> Outcome:
             errors.append(off[0])
             allowed.append(off[1])
     curve = Curve("radius / scene", "ppm", x, shown(errors), allowed, unit="of the radiance")
-    for nearest in (2, 10, 60, 1000):
+    for nearest in effort.some((2, 10, 60, 1000)):
         own = PhotonMapOptions(effort.count(20_000, 4000), nearest)
         result = picture(effort, scene, "photon_map", FEW_PASSES, options=own)
         # The disc ends at the farthest of so many photons: the mean is off by one in so many.

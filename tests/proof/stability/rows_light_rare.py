@@ -147,11 +147,26 @@ def mean_by_patch() -> float:
     return mean_over(DOWN, radiance)
 
 
+def speck_of_light() -> Scene:
+    """Return a narrow spot light on a floor in view, where it lights a part of a pixel, beside a faint lamp."""
+    lamps = [SpotLight((0.31, 0.22, 1.2), (0, 0, -1), 2000.0, 0.3), PointLight((0, 0, 1.8), 0.02)]
+    return Scene(DOWN, [FLOOR], lamps)
+
+
+def mean_by_speck() -> float:
+    """Return the light of the spot's power over the floor in view, and of the other lamp."""
+    power = 2000.0 * math.pi * (1.0 - math.cos(math.radians(0.3)))  # its edge is the whole cone
+    floor = (2.0 * 1.5 * math.tan(math.radians(20.0))) ** 2
+    other = mean_over(DOWN, lambda point: irradiance(point, (0, 0, 1.8), 0.02))
+    return 0.5 / math.pi * (power / floor + other)
+
+
 RARE: dict[str, tuple[Scene, Callable[[], float]]] = {
     "highlight, roughness 0.05": (polished(0.05), mean_of_mirrored_point),
     "highlight, roughness 0.02": (polished(0.02), mean_of_mirrored_point),
     "port of 0.02": (port(0.02), lambda: mean_by_port(0.02)),
     "bright spot": (spot_on_a_patch(), mean_by_patch),
+    "speck of light": (speck_of_light(), mean_by_speck),
 }
 
 

@@ -47,19 +47,14 @@ def rings(effort: Effort) -> Outcome:
     """The floor on the axis of rings, from near and far."""
     outcome, curves = Outcome(), []
     # One ring for all integrators: where on it to begin is found once.
-    # Of small and large ones a small run takes the widest and the narrowest only.
-    widths = {
-        radius: WIDTHS[::4] if effort.is_small and radius != 1.0 else WIDTHS for radius in RADII
-    }
+    radii, widths = effort.some(RADII), effort.some(WIDTHS)
     lamps = {
-        (radius, width): ring_above(1.0, radius, width)
-        for radius in RADII
-        for width in widths[radius]
+        (radius, width): ring_above(1.0, radius, width) for radius in radii for width in widths
     }
     for integrator in INTEGRATORS:
-        for radius in RADII:
+        for radius in radii:
             errors, allowed = [], []
-            for width in widths[radius]:
+            for width in widths:
                 # One sample in a hundred falls beside the ring; the mean needs many of those.
                 camera = eye((0, -0.5, 0.5), (0, 0, 0), 32, (0, 0, 1))
                 scene = Scene(camera, [FLOOR, lamps[radius, width]])
@@ -73,6 +68,6 @@ def rings(effort: Effort) -> Outcome:
                 allowed.append(off[1] / truth)
             curves.append(
                 Curve("width of the ring / its radius", f"{integrator}, radius {radius:g}",
-                      list(widths[radius]), shown(errors), allowed, unit="of the radiance")
+                      list(widths), shown(errors), allowed, unit="of the radiance")
             )  # fmt: skip
     return outcome + Outcome(curves=tuple(curves))

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.statistical
 SEEDS = range(400)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "integrator", "passes"),
     [
@@ -46,7 +46,7 @@ def test_small_scenes_are_of_all_kinds_and_half_of_them_were_not_looked_at():
     assert {picture.judged for picture in pictures} == {(), ("pixels",)}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_intervals_of_photons_hold_their_own_expectation():
     """Pixels share photons, so pictures count, not pixels: 16 of them tell 95 % to some 5 %.
 
@@ -70,7 +70,7 @@ def test_light_by_a_mirror_is_that_of_the_lamps_image():
     assert (shadow <= smooth + 5 * np.sqrt(own_square)).all()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_stated_blur_of_a_shadow_is_within_half_of_the_true_one():
     found = blur(PHOTON_PICTURES["soft shadow"](), 8, range(6))
     assert found.true > found.noise

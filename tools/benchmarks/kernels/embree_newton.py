@@ -3,12 +3,12 @@
 import numpy as np
 
 from hybrid_rt.intersection.kernels.patch.bicubic import evaluate_bicubic
-from meshing.kernels.jit import hot_kernel
+from meshing.kernels.jit import kernel
 
 STEPS = 6
 
 
-@hot_kernel
+@kernel
 def refine(control, cells, face, u, v, t, origin, direction, out_t, out_patch, out_u, out_v):
     """Solve S(u, v) = o + t d from each coarse hit; inf where there is none, or it fails.
 
@@ -56,7 +56,7 @@ def refine(control, cells, face, u, v, t, origin, direction, out_t, out_patch, o
                 break
 
 
-@hot_kernel
+@kernel
 def evaluate_many(control, patch, u, v, out):
     """Fill S, S_u, S_v (n, 9) of bicubic patches, one (u, v) each."""
     for i in range(u.shape[0]):

@@ -38,7 +38,7 @@ from hybrid_rt.intersection.kernels.search.frame import (
 from hybrid_rt.intersection.kernels.search.members import offer_each, offer_near
 from hybrid_rt.intersection.kernels.search.rays import EDGE
 from hybrid_rt.intersection.kernels.search.trims import has_gap
-from meshing.kernels.jit import hot_kernel, inlined, inner
+from meshing.kernels.jit import inlined, inner, kernel
 
 # The origin of s is moved to the point nearest the axis unless that is farther away than this.
 NEAR_AXIS = 2.5
@@ -112,14 +112,14 @@ def _offer_if_near(i, k, table, rays, best):
         offer_asphere(i, k, table, rays, best)
 
 
-@hot_kernel
+@kernel
 def trace_aspheres(table, end, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on the aspheres up to row ``end``."""
     for i in range(rays.origin.shape[0]):
         offer_each(i, _offer_if_near, end, table, rays, best, any_hit)
 
 
-@hot_kernel
+@kernel
 def trace_asphere_tree(table, members, rays, best, any_hit, stack, counters):
     """As `trace_aspheres`, for the aspheres in a tree."""
     for i in range(rays.origin.shape[0]):
@@ -139,7 +139,7 @@ def is_edge(i, k, line, trim, table, rays):
     return side_of_root(trim, k, along, 0.0, table, 0.0)[2] > 0.0
 
 
-@hot_kernel
+@kernel
 def finish_aspheres(table, rays, best, row_of, out):
     """Describe the hits on aspheres; ``row_of`` (objects,) is the object's row here or -1."""
     for i in range(best.t.shape[0]):

@@ -20,7 +20,7 @@ import numpy as np
 from hybrid_rt.intersection.kernels.patch.nets import columns_of, projected, restrict
 from hybrid_rt.intersection.kernels.patch.rational_fan import rational_fan
 from hybrid_rt.intersection.kernels.patch.skew_box import CENTRE, COLUMN, LOWER, UPPER
-from meshing.kernels.jit import inner, kernel, outlined
+from meshing.kernels.jit import inner, kernel
 
 # A cell's record, float64. Columns of the dual basis of half the mean tangents and the unit normal
 # (rows along u, v, n), each followed by a coordinate of the middle of the box; lower and upper
@@ -137,17 +137,18 @@ def row_length(record, row):
 def _nets(control, start, degree_u, degree_v, u0, u1, v0, v1, scratch, cones):
     """Fill ``scratch[0]`` and ``[1]`` with the nets of a cell and of the cell grown."""
     net, grown = scratch[0], scratch[1]
+    rational = None if cones is None else True
     for i in range(degree_u + 1):
         for j in range(degree_v + 1):
-            for c in range(columns_of(cones)):
+            for c in range(columns_of(rational)):
                 p = control[start + i * (degree_v + 1) + j, c]
                 net[i, j, c] = p
                 grown[i, j, c] = p
-    restrict(net, degree_u, degree_v, u0, u1, v0, v1, cones)
+    restrict(net, degree_u, degree_v, u0, u1, v0, v1, rational)
     if cones is None:
         hu, hv, g = 0.5 * (u1 - u0), 0.5 * (v1 - v0), 2.0 * GROWTH
         restrict(
-            grown, degree_u, degree_v, u0 - g * hu, u1 + g * hu, v0 - g * hv, v1 + g * hv, cones
+            grown, degree_u, degree_v, u0 - g * hu, u1 + g * hu, v0 - g * hv, v1 + g * hv, rational
         )
         return
     # From the cell's own net: so roundings stay small beside its weights, however small these are.
@@ -155,7 +156,7 @@ def _nets(control, start, degree_u, degree_v, u0, u1, v0, v1, scratch, cones):
         for j in range(degree_v + 1):
             for c in range(4):
                 grown[i, j, c] = net[i, j, c]
-    restrict(grown, degree_u, degree_v, -GROWTH, 1.0 + GROWTH, -GROWTH, 1.0 + GROWTH, cones)
+    restrict(grown, degree_u, degree_v, -GROWTH, 1.0 + GROWTH, -GROWTH, 1.0 + GROWTH, rational)
 
 
 @inner
@@ -184,7 +185,8 @@ def fill_cell(
 ):  # fmt: skip
     """Fill the record and the axis-aligned box (6) of the cell [u0, u1] x [v0, v1] of a patch."""
     _nets(control, start, degree_u, degree_v, u0, u1, v0, v1, scratch, cones)
-    net = projected(scratch[0], degree_u, degree_v, scratch[2], cones)
+    rational = None if cones is None else True
+    net = projected(scratch[0], degree_u, degree_v, scratch[2], rational)
     hu, hv = 0.5 * (u1 - u0), 0.5 * (v1 - v0)
     px = _differences(net, degree_u, degree_v, True, 0)
     py = _differences(net, degree_u, degree_v, True, 1)
@@ -250,7 +252,7 @@ def fill_cell(
         box[3 + c] += centre
 
 
-@outlined
+@inner(outlined=True)
 def side_at_point(control, start, degree_u, degree_v, rational, u0, u1, v0, v1):
     """Return on which side of a cell its patch ends in a point, to within rounding; else -1.
 
@@ -258,7 +260,7 @@ def side_at_point(control, start, degree_u, degree_v, rational, u0, u1, v0, v1):
     """
     first, last, size = start, start + (degree_u + 1) * (degree_v + 1) - 1, 0.0
     for k in range(first, last + 1):
-        w = 1.0 if rational is None else control[k, 3]
+        w = 1.0 if rational is None or not rational else control[k, 3]
         for c in range(3):
             size = max(size, abs(control[k, c]) / w)
     for side in range(4):
@@ -270,7 +272,7 @@ def side_at_point(control, start, degree_u, degree_v, rational, u0, u1, v0, v1):
         for k in range(1, (degree_v if side < 2 else degree_u) + 1):
             p, q = control[begin], control[begin + k * step]
             v = w = 1.0
-            if rational is not None:
+            if rational is not None and rational:
                 v, w = p[3], q[3]
             for c in range(3):
                 spread = max(spread, abs(q[c] / w - p[c] / v))
@@ -279,7 +281,7 @@ def side_at_point(control, start, degree_u, degree_v, rational, u0, u1, v0, v1):
     return -1
 
 
-@kernel
+@kernel(allocates=True)
 def _new_cones(widest, rational):
     """Return scratch of `rational_fan`; None for polynomial patches."""
     if rational is None:
@@ -287,7 +289,7 @@ def _new_cones(widest, rational):
     return np.empty((2, (widest - 1) * (2 * widest - 1), 3))
 
 
-@kernel
+@kernel(allocates=True)
 def fill_cells(
     control, start, degree, centre, rational, grid, first_cell, begin, end, records, boxes,
     cell_patch
@@ -317,7 +319,7 @@ def fill_cells(
                 cell += 1
 
 
-@kernel
+@kernel(allocates=True)
 def fill_quarters(
     control, start, degree, centre, rational, record, cell_patch, begin, end, quarter, quarter_patch
 ):  # fmt: skip

@@ -145,8 +145,8 @@ def evaluate_any(control, start, degree_u, degree_v, u, v, basis, rational):
     """Return S, S_u, S_v (nine numbers), by vector code for bicubic patches (and others).
 
     Where ``basis`` is None all patches are bicubic, where ``rational`` is None all are polynomial:
-    the compiler then leaves the other code out.
+    the compiler then leaves the other code out. Else ``rational`` tells it at run time.
     """
-    if rational is None:
+    if rational is None or not rational:
         return _polynomial(control, start, degree_u, degree_v, u, v, basis)
     return _rational(control, start, degree_u, degree_v, u, v, basis)

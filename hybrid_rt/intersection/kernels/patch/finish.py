@@ -20,7 +20,7 @@ from hybrid_rt.intersection.kernels.search.rays import EDGE, NORMAL_DEGENERATE
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND
 from hybrid_rt.intersection.kernels.search.trims import band_of_ray, decide, sure_side
 from meshing.kernels.bernstein import unit_normal
-from meshing.kernels.jit import hot_kernel, inlined
+from meshing.kernels.jit import inlined, kernel
 from meshing.kernels.trims import CROSSED
 
 # Squares of sines below this leave the normal to `unit_normal`; so do squares of partials below this
@@ -43,7 +43,7 @@ STEADY = 0.25
 LEFT = 0.25
 
 
-@hot_kernel
+@kernel
 def count_changed(t_guess, t_before, best, counters):
     """Count the rays that a hit nearer than what their guess refined to was found for."""
     changed = 0
@@ -54,9 +54,13 @@ def count_changed(t_guess, t_before, best, counters):
     counters[CHANGED] += changed
 
 
-@hot_kernel
-def refine_patches(table, hits, triangles, first_patch, rows, rays, best, basis, accepted):
-    """Newton from coarse hits, with no proof of anything (accuracy "refined")."""
+@kernel
+def refine_patches(table, hits, triangles, first_patch, rows, rays, aside, best, basis, accepted):
+    """Newton from coarse hits, with no proof of anything (accuracy "refined", and displaced rays).
+
+    ``aside``, (n, 3) or (0, 3), moves each ray, in lengths of the frame. The rest is as in
+    `CurvedKind.refine`.
+    """
     to_world = 1.0 / table.to_frame
     for j in range(hits.face.shape[0]):
         i, f = rows[j], hits.face[j]
@@ -71,6 +75,8 @@ def refine_patches(table, hits, triangles, first_patch, rows, rays, best, basis,
         hx, hy, hz, lx, ly, lz, shift = enter_frame(
             o[0], o[1], o[2], d[0], d[1], d[2], middle[0], middle[1], middle[2], table.to_frame
         )
+        if aside.shape[0] > 0:
+            hx, hy, hz = hx + aside[i, 0], hy + aside[i, 1], hz + aside[i, 2]
         ray = FrameRay(hx, hy, hz, lx, ly, lz, d[0], d[1], d[2], shift, to_world)
         patch, line = patch_of(table, k, basis), from_centre(table, k, ray)
         status, a, b, s, _, n_dot_d, gain_u, gain_v = newton(
@@ -140,7 +146,7 @@ def _is_closed_around(bend, k, ox, oy, oz, dx, dy, dz, x, y, z, band, error):
     return False, 0.0
 
 
-@hot_kernel
+@kernel
 def finish_patches(table, rays, best, kind_of, kind, basis, out):
     """Fill what a hit record says of the rays whose nearest root is on a patch.
 
@@ -171,8 +177,10 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
         is_degenerate = False
         if guu > least_u and gvv > least_v and length * length > CLEAR_SINE * guu * gvv:
             nx, ny, nz = nx / length, ny / length, nz / length
+        elif table.rational:
+            nx, ny, nz, is_degenerate = unit_normal(control, start[k], m, n, u, v, True)
         else:
-            nx, ny, nz, is_degenerate = unit_normal(control, start[k], m, n, u, v, table.rational)
+            nx, ny, nz, is_degenerate = unit_normal(control, start[k], m, n, u, v, None)
         out.patch_id[i] = table.patch_id[k]
         out.u[i], out.v[i] = u, v
         # First the centre, without a rounding but that of its own coordinates, however large the frame is.
@@ -195,7 +203,8 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
         # Objects' middles are within 1 of the frame's, their diameters within 2, |d| within 2.
         about = TANGENT_BAND * (abs(hx) + abs(hy) + abs(hz) + 2.0 * abs(shift) + 3.0)
         far_u, far_v, room = about * about * gvv * dd, about * about * guu * dd, det * det
-        if sure_side(table.trim, k, u, v, far_u, far_v, room) == CROSSED:
+        is_trimmed = table.trim.member.shape[0] > 0
+        if is_trimmed and sure_side(table.trim, k, u, v, far_u, far_v, room) == CROSSED:
             band = band_of_ray(table.trim, k, ox - shift * dx, oy - shift * dy, oz - shift * dz)
             _, is_within, edge = decide(
                 table.trim, k, u, v, ux, uy, uz, vx, vy, vz, dx, dy, dz, band
@@ -225,7 +234,7 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
             is_degenerate or not (is_alone and du <= in_u and dv <= in_v)
         ):
             best.tangent[i] = SUSPECT
-            if table.trim is None:
+            if not is_trimmed:
                 error = max(best.t_bound[i] * table.to_frame * slope, residual)
                 is_closed, open_by = _is_closed_around(
                     table.bend, k, ox, oy, oz, dx, dy, dz, x, y, z, band, error
@@ -240,7 +249,7 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
                         best.doubt[i] = np.inf
 
 
-@hot_kernel
+@kernel
 def aim_at_patches(table, rays, best, out, rows, basis, bands, outward, is_edge):
     """Say where to move rays whose hits are `SUSPECT`.
 

@@ -1,7 +1,7 @@
 """Nets of control points: restricted to a rectangle of parameters, halved, evaluated at the middle.
 
 All by de Casteljau's averages of neighbours. Points have three columns; those of rational patches
-four, the coordinates times the weight and the weight, and then ``rational`` is not None.
+four, the coordinates times the weight and the weight, and then ``rational`` is true.
 """
 
 from meshing.kernels.jit import inlined
@@ -9,8 +9,8 @@ from meshing.kernels.jit import inlined
 
 @inlined
 def columns_of(rational):
-    """Return the number of columns, a constant to the compiler."""
-    if rational is None:
+    """Return the number of columns that count; where ``rational`` is None the compiler knows it."""
+    if rational is None or not rational:
         return 3
     return 4
 
@@ -18,7 +18,7 @@ def columns_of(rational):
 @inlined
 def projected(net, degree_u, degree_v, room, rational):
     """Return the points of a rational net, in ``room``; of a polynomial one the net itself."""
-    if rational is None:
+    if rational is None or not rational:
         return net
     for i in range(degree_u + 1):
         for j in range(degree_v + 1):
@@ -108,7 +108,7 @@ def depth_range(net, degree_u, degree_v, rational):
 @inlined
 def depth_of(net, i, j, rational):
     """Return one point's coordinate along the ray."""
-    if rational is None:
+    if rational is None or not rational:
         return net[i, j, 2]
     return net[i, j, 2] / net[i, j, 3]
 
@@ -122,7 +122,7 @@ def weights_of(net, degree_u, degree_v, rational):
     most : largest weight
     turn : how far W changes from the middle of the piece to a border, over the smallest weight
     """
-    if rational is None:
+    if rational is None or not rational:
         return 1.0, 0.0
     least = most = net[0, 0, 3]
     along_u = along_v = 0.0

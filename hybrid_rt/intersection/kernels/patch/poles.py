@@ -14,7 +14,7 @@ these vectors. Across the ray, with the point at p, that leads to three tests:
 
 import numpy as np
 
-from meshing.kernels.jit import inner, outlined
+from meshing.kernels.jit import inner
 
 # Sides of a piece, as bits of a choice: along which parameter the edge runs, and at which end it is.
 NO_POLE = -1
@@ -45,7 +45,7 @@ def _is_point(seen, last, is_column, k, slop):
     return True
 
 
-@outlined
+@inner(outlined=True)
 def collapsed_side(seen, degree_u, degree_v, slop):
     """Return the side of a net that is a point: 0, 1 for u = 0, 1; 2, 3 for v; else `NO_POLE`."""
     for side in range(4):
@@ -66,7 +66,7 @@ def _turn(net, degree_u, degree_v, side, rational, out):
         k = last_b - b if side % 2 else b
         for a in range(last_a + 1):
             i, j = (a, k) if along_u else (k, a)
-            w = 1.0 if rational is None else net[i, j, 3]
+            w = 1.0 if rational is None or not rational else net[i, j, 3]
             x, y = net[i, j, 0], net[i, j, 1]
             if a == 0 and b == 0:
                 p, q = x / w, y / w
@@ -142,7 +142,7 @@ def _start(cone, last_a, last_b, x, y, away):
     return a, min(max(b, 0.0), 1.0)
 
 
-@outlined
+@inner(outlined=True)
 def meet_pole(net, degree_u, degree_v, rational, side, slop, reach, cone):
     """Say what a ray meets of a piece whose side is collapsed.
 

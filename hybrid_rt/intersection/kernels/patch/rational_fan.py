@@ -129,7 +129,7 @@ def rational_fan(net, degree_u, degree_v, cones, px, py, pz, qx, qy, qz, nx, ny,
     return _by_boxes(cones[0], n_u, cones[1], n_v, px, py, pz, qx, qy, qz, nx, ny, nz)
 
 
-@kernel
+@kernel(allocates=True)
 def bound_rational_bends(control, start, degree, bends):
     """Write bounds of |S_uu|, |S_uv| and |S_vv| of homogeneous nets into ``bends`` (k, 3)."""
     largest_net = 0

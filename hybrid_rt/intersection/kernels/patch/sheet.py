@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from meshing.kernels.jit import hot_kernel
+from meshing.kernels.jit import kernel
 
 
-@hot_kernel
+@kernel
 def name_on_sheet(object_id, number, spans, patch_id, u, v):
     """Replace u and v of the hits on one object by those across its sheet.
 

@@ -21,7 +21,7 @@ from hybrid_rt.intersection.kernels.search.nearest import (
 )
 from hybrid_rt.intersection.kernels.search.tolerances import MAX_STEPS, TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.trims import band_of_ray, decide, may_be_kept, quick_side
-from meshing.kernels.jit import inlined, inner, outlined
+from meshing.kernels.jit import inlined, inner
 from meshing.kernels.trims import INSIDE, OUTSIDE
 
 CONVERGED, FAILED = 1, 0
@@ -29,6 +29,9 @@ CONVERGED, FAILED = 1, 0
 LAST_STEP = 1e-8
 # The equation holds to rounding where it is off by no more than this part of the bound.
 ROOT = 0.5
+# After so many steps what is left across the tangent plane is no longer followed where it is rounding:
+# of a ray nearly in that plane it would throw u, v and t about for ever.
+STEPS_IN_SPACE = 4
 # Steps to the point of a border that is next to a ray which passes just beyond it.
 BORDER_APPROACHES = 3
 # A border farther away in parameters than this many bands is farther away in space than one.
@@ -48,11 +51,11 @@ class Patch(NamedTuple):
     degree_u: Any
     degree_v: Any
     basis: Any  # scratch of `evaluate_any`
-    rational: Any  # None: polynomial; True
+    rational: Any  # as in `PatchTable`
     size: Any  # largest distance of a control point from its centre
     object_id: Any
     row: Any
-    trim: Any  # None: patches are whole; else `search.trims.Trim`
+    trim: Any  # as in `PatchTable`
 
 
 class PatchRay(NamedTuple):
@@ -99,7 +102,7 @@ def rounding_of_root(degree_u, degree_v, rational, size, ox, oy, oz, dx, dy, dz,
     """
     distance = np.sqrt(ox * ox + oy * oy + oz * oz)
     along = abs(t) * np.sqrt(dx * dx + dy * dy + dz * dz)
-    sums = 4.0 if rational is None else 8.0
+    sums = 4.0 if rational is None or not rational else 8.0
     return UNIT_ROUNDOFF * (
         (sums * (degree_u + degree_v) + 2.0) * size + 3.0 * distance + 2.0 * along
     )
@@ -119,7 +122,7 @@ def band_of(around, k, ray):
     return TANGENT_BAND * max(np.sqrt(ax * ax + ay * ay + az * az), around[k, 3])
 
 
-@outlined
+@inner(outlined=True)
 def newton(patch, ray, u, v, t, side_u, side_v):
     """Solve S(u, v) = o + t d from a start, to the last digits that rounding leaves.
 
@@ -155,6 +158,12 @@ def newton(patch, ray, u, v, t, side_u, side_v):
         rr = rx * rx + ry * ry + rz * rz
         # Nearly in the tangent plane rounding becomes a long step, which would leave the surface.
         is_root = rr <= (ROOT * error) ** 2
+        if not is_root and step > STEPS_IN_SPACE:
+            rn, nn = rx * nx + ry * ny + rz * nz, nx * nx + ny * ny + nz * nz
+            if rn * rn <= (ROOT * error) ** 2 * nn:
+                rx, ry, rz = rx - rn / nn * nx, ry - rn / nn * ny, rz - rn / nn * nz
+                du = (rx * ax + ry * ay + rz * az) * inv
+                dv = (rx * bx + ry * by + rz * bz) * inv
         if not is_root:
             u += du
             v += dv
@@ -171,7 +180,7 @@ def newton(patch, ray, u, v, t, side_u, side_v):
     return FAILED, u, v, t, MAX_STEPS, n_dot_d, gain_u, gain_v
 
 
-@outlined
+@inner(outlined=True)
 def approach(patch, ray, u, v, u0, u1, v0, v1, steps):
     """Move (u, v) within a rectangle so that S(u, v) lies beside the ray; return u, v, t, gap, |n.d|.
 
@@ -224,7 +233,9 @@ def is_inside_loops(i, u, v, t, trim, patch, ray, rays, best):
     edge : float
         What the gap of an edge adds to the bound of t, as the caller counts it.
     """
-    if trim is None:  # an argument of its own: numba leaves the rest out where it is
+    if (
+        trim is None or not trim.member.shape[0]
+    ):  # an argument of its own: numba leaves the rest out
         return True, 0.0
     k = patch.row
     side = quick_side(trim, k, u, v)
@@ -244,17 +255,23 @@ def is_inside_loops(i, u, v, t, trim, patch, ray, rays, best):
     return is_hit, edge * to_world / np.sqrt(dx * dx + dy * dy + dz * dz)
 
 
-@outlined
+@inner(outlined=True)
 def doubt_piece(i, t, reach, u, v, hu, hv, patch, ray, rays, best):
     """Note that the patch, within hu and hv of (u, v), passes the ray at t within ``reach``."""
-    if not may_be_kept(patch.trim, patch.row, u, v, hu, hv):
-        return
-    doubt(
-        i, (t + ray.shift) * ray.to_world, reach * ray.to_world, rays.t_min, rays.known, best
-    )  # fmt: skip
+    if _may_be_kept(patch.trim, patch.row, u, v, hu, hv):
+        t, reach = (t + ray.shift) * ray.to_world, reach * ray.to_world
+        doubt(i, t, reach, rays.t_min, rays.known, best)
 
 
-@outlined
+@inlined
+def _may_be_kept(trim, k, u, v, hu, hv):
+    """Tell whether loops leave any of a piece."""
+    if trim is None or not trim.member.shape[0]:
+        return True
+    return may_be_kept(trim, k, u, v, hu, hv)
+
+
+@inner(outlined=True)
 def offer_root(i, u, v, t, n_dot_d, patch, ray, rays, best):
     """Offer a root within the patch as a hit of ray i; tell whether it may be one."""
     ox, oy, oz, dx, dy, dz, shift, to_world = ray
@@ -285,7 +302,7 @@ def offer_root(i, u, v, t, n_dot_d, patch, ray, rays, best):
     return t_world > t_min[i]
 
 
-@outlined
+@inner(outlined=True)
 def offer_border(
     i, u, v, t, n_dot_d, gain_u, gain_v, patch, ray, band, is_owner, rays, best
 ):  # fmt: skip

@@ -34,11 +34,11 @@ from hybrid_rt.intersection.kernels.search.nearest import is_unseen
 from hybrid_rt.intersection.kernels.search.rays import EDGE, NORMAL_DEGENERATE
 from hybrid_rt.intersection.kernels.search.tolerances import UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.trims import across_rows, sure_side
-from meshing.kernels.jit import hot_kernel
+from meshing.kernels.jit import kernel
 from meshing.kernels.trims import CROSSED
 
 
-@hot_kernel
+@kernel
 def refine_revolutions(table, hits, triangles, row_of, rows, rays, best, ray, accepted):
     """Newton from coarse hits, with no proof of anything (accuracy "refined")."""
     for j in range(hits.face.shape[0]):
@@ -78,7 +78,7 @@ def refine_revolutions(table, hits, triangles, row_of, rows, rays, best, ray, ac
             break
 
 
-@hot_kernel
+@kernel
 def finish_revolutions(table, rays, best, row_of, ray, out):
     """Describe the hits on surfaces of revolution; ``row_of`` (objects,): row here, or -1."""
     for i in range(best.t.shape[0]):

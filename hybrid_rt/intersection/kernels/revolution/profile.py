@@ -306,7 +306,7 @@ def measure_slopes(net, degree, piece):
         piece[DR0], piece[DR1] = min(piece[DR0], b * r), max(piece[DR1], b * r)
 
 
-@kernel
+@kernel(allocates=True)
 def measure_pieces(control, start, degree, first_piece, span, piece):
     """Fill the pieces of all segments, and the segments' own ranges."""
     net = np.empty((degree.max() + 1, 3))

@@ -57,7 +57,7 @@ from hybrid_rt.intersection.kernels.search.tolerances import (
     FLATTEST,
     MAX_PIECES,
 )
-from meshing.kernels.jit import inlined, outlined
+from meshing.kernels.jit import inlined, inner
 
 
 @inlined
@@ -129,7 +129,7 @@ def solve_piece(i, segment, piece, ray, after, t_lo, t_cut, rays, best, work, co
     halve_piece(i, segment, a, b, t0, ray, after, t_lo, t_cut, rays, best, work, counters)
 
 
-@outlined
+@inner(outlined=True)
 def halve_piece(i, segment, a, b, begins, ray, after, t_lo, t_cut, rays, best, work, counters):
     """Settle the piece of profile from a to b by halves, the nearest first."""
     control, start, degree, _, _, size, object_id, row, trim = segment

@@ -23,7 +23,7 @@ from hybrid_rt.intersection.kernels.search.coarse import parameters_at
 from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.frame import begin_of, end_of
 from hybrid_rt.intersection.kernels.search.members import offer_near
-from meshing.kernels.jit import hot_kernel, inlined
+from meshing.kernels.jit import inlined, kernel
 
 
 class RevolutionScratch(NamedTuple):
@@ -101,7 +101,7 @@ def _object_of(table, piece):
     return low
 
 
-@hot_kernel
+@kernel
 def trace_revolutions(table, end, rays, guess, best, any_hit, t_guess, work, counters):
     """Lower ``best`` to the first hits on the guessed pieces and on the objects up to row ``end``.
 
@@ -154,7 +154,7 @@ def _offer_other(i, k, others, rays, best):
     _offer_object(i, k, done, False, any_hit, table, rays, best, work, counters)
 
 
-@hot_kernel
+@kernel
 def trace_revolution_tree(table, members, rays, guess, best, any_hit, work, stack, counters):
     """As `trace_revolutions`, for the objects in a tree; guessed pieces are settled already."""
     for i in range(rays.origin.shape[0]):
@@ -163,7 +163,7 @@ def trace_revolution_tree(table, members, rays, guess, best, any_hit, work, stac
         counters[NODES] += offer_near(i, _offer_other, others, members, rays, best, any_hit, stack)
 
 
-@hot_kernel
+@kernel
 def guess_pieces(hits, triangles, row_of, table, guess):
     """Turn coarse hits into pieces (-1: no hit, or on no surface of revolution)."""
     for i in range(hits.face.shape[0]):

@@ -7,7 +7,7 @@ import numpy as np
 from hybrid_rt.core.kernels.compensated import advance
 from hybrid_rt.intersection.kernels.search.frame import enter_frame
 from hybrid_rt.intersection.kernels.search.nearest import CLEAR, is_unseen, offer
-from meshing.kernels.jit import hot_kernel, inlined
+from meshing.kernels.jit import inlined, kernel
 
 # Embree's own "no limit", and far beyond the frame.
 NO_LIMIT = 1e30
@@ -70,7 +70,7 @@ def _misses_box(x, y, z, dx, dy, dz, end, half):
     )
 
 
-@hot_kernel
+@kernel
 def rays_to_float32(origin, direction, t_min, t_max, frame, near, away, reach, shift, rows):
     """Write the rays that meet the triangles' box as Embree takes them; return how many there are.
 
@@ -112,7 +112,7 @@ def rays_to_float32(origin, direction, t_min, t_max, frame, near, away, reach, s
     return n
 
 
-@hot_kernel
+@kernel
 def hits_of_rows(face, t, u, v, shift, rows, to_frame, hits):
     """Write what Embree found for some rows of ``hits``; all others have no hit."""
     for i in range(hits.face.shape[0]):
@@ -123,7 +123,7 @@ def hits_of_rows(face, t, u, v, shift, rows, to_frame, hits):
         hits.t[i] = (t[k] + shift[k]) / to_frame
 
 
-@hot_kernel
+@kernel
 def guess_cells(hits, triangles, first_patch, grid, first_cell, place, guess):
     """Turn coarse hits into the cell that holds them (-1: no hit, or not a patch)."""
     for i in range(hits.face.shape[0]):
@@ -139,7 +139,7 @@ def guess_cells(hits, triangles, first_patch, grid, first_cell, place, guess):
         guess[i] = place[first_cell[k] + ca * nv + cb]
 
 
-@hot_kernel
+@kernel
 def offer_faces(hits, triangles, rows, rays, t_start, best, accepted):
     """Offer coarse triangles as they are, their plane met in float64 (accuracy "mesh")."""
     vertices, faces = triangles.vertex, triangles.face
@@ -176,7 +176,7 @@ def offer_faces(hits, triangles, rows, rays, t_start, best, accepted):
             accepted[j] = True
 
 
-@hot_kernel
+@kernel
 def finish_mesh(triangles, rays, best, kind_of, kind, out):
     """Describe hits on coarse triangles."""
     vertices, faces = triangles.vertex, triangles.face

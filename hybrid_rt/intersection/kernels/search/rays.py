@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.intersection.kernels.search.nearest import WITHIN_BAND
-from meshing.kernels.jit import hot_kernel, inlined, inner
+from meshing.kernels.jit import inlined, inner, kernel
 
 ORIGIN_NOT_FINITE, ORIGIN_TOO_FAR, DIRECTION_NOT_FINITE, DIRECTION_ZERO = 0, 1, 2, 3
 DIRECTION_TOO_SHORT = 4
@@ -56,7 +56,7 @@ def _complain(what, i, first_bad, n_bad):
     n_bad[what] += 1
 
 
-@hot_kernel
+@kernel
 def check_rays(origin, direction, farthest, first_bad, n_bad):
     """Count the rays with each complaint: ``n_bad`` (5,), and their first rows: ``first_bad``.
 
@@ -111,7 +111,7 @@ def scaled_limit(t_max, unit):
     return (min(t_max, LARGEST) if unit > 1.0 else t_max) / unit
 
 
-@hot_kernel
+@kernel
 def scale_rays(direction, t_min, t_max, scaled, unit, lowest, highest):
     """Scale directions (n, 3); see `scale_ray`.
 
@@ -157,7 +157,7 @@ def complete_row(i, direction, unit, best, record):
         record.normal[i, k] = np.nan
 
 
-@hot_kernel
+@kernel
 def complete_rows(direction, unit, best, record, totals):
     """Fill the columns that are the same for every kind of surface, and all columns of misses.
 
@@ -200,7 +200,7 @@ def name_point(origin, direction, i, object_id, position, j, reach, rounding, mo
     return t, rounding * size + gap if gap <= most * size else -1.0
 
 
-@hot_kernel
+@kernel
 def name_points(origin, direction, object_id, position, reach, column, rounding, most, known):
     """Fill two columns of ``known`` (n, 6) with t and rounding of points on the rays.
 

@@ -143,7 +143,7 @@ def _split(lower, upper, order, begin, end, work):
     return i
 
 
-@kernel
+@kernel(allocates=True)
 def build_tree(lower, upper, leaf_size):
     """Build the hierarchy over boxes (m, 3) float64; a leaf holds at most `leaf_size` of them."""
     m = lower.shape[0]

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND
-from meshing.kernels.jit import inlined, inner, outlined
+from meshing.kernels.jit import inlined, inner
 from meshing.kernels.trims import CROSSED, INSIDE, classify, gap_to_loops, state_of_tile, tile_of
 
 # Rays that meet an edge more flatly than this have the gap of a ray that meets it so.
@@ -115,7 +115,7 @@ def _distance(trim, k, u, v, px, py, pz, qx, qy, qz, area, reach):
     return is_inside, gap
 
 
-@outlined
+@inner(outlined=True)
 def decide(trim, k, u, v, ux, uy, uz, vx, vy, vz, dx, dy, dz, band):
     """Decide about a root of row k; without loops (None) it is a hit.
 
@@ -158,7 +158,7 @@ def decide(trim, k, u, v, ux, uy, uz, vx, vy, vz, dx, dy, dz, band):
     return is_inside, is_within, 0.0
 
 
-@outlined
+@inner(outlined=True)
 def may_be_kept(trim, k, u, v, hu, hv):
     """Tell whether any point of row k within hu and hv of (u, v) may be inside the loops."""
     if trim is None:
@@ -173,7 +173,7 @@ def may_be_kept(trim, k, u, v, hu, hv):
     )
 
 
-@outlined
+@inner(outlined=True)
 def meets_pole(trim, k, u, v, rho, speed, slope, band):
     """Tell whether a curve enters a pole, or passes it, so near that the band may take a root there.
 

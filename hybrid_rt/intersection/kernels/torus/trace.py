@@ -62,7 +62,7 @@ from hybrid_rt.intersection.kernels.torus.solve import (
     guess_root,
     look,
 )
-from meshing.kernels.jit import hot_kernel, inlined, inner
+from meshing.kernels.jit import inlined, inner, kernel
 
 # The origin of s is moved to the point nearest the axis unless that is farther away than this.
 NEAR_AXIS = 2.5
@@ -178,14 +178,14 @@ def _offer_if_near(i, k, table, rays, best):
         offer_torus(i, k, table, rays, best)
 
 
-@hot_kernel
+@kernel
 def trace_tori(table, end, rays, best, any_hit):
     """Lower ``best`` to the nearest roots on the tori up to row ``end``."""
     for i in range(rays.origin.shape[0]):
         offer_each(i, _offer_if_near, end, table, rays, best, any_hit)
 
 
-@hot_kernel
+@kernel
 def trace_torus_tree(table, members, rays, best, any_hit, stack, counters):
     """As `trace_tori`, for the tori in a tree."""
     for i in range(rays.origin.shape[0]):
@@ -203,7 +203,7 @@ def is_edge(i, k, x, y, z, trim, table, rays):
     return side_of_root(trim, k, line, 0.0, table.orientation[k], 0.0)[2] > 0.0
 
 
-@hot_kernel
+@kernel
 def finish_tori(table, rays, best, row_of, out):
     """Describe the hits on tori; ``row_of`` (objects,) is the object's row here or -1."""
     for i in range(best.t.shape[0]):

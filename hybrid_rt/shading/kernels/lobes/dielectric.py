@@ -13,10 +13,7 @@ from meshing.kernels.jit import inlined, kernel
 
 @inlined
 def reflectance_by(lobes, lobe, cos_i, ratio):
-    """Return the reflectance at a dielectric, by the formula that it asks for, and the cosine beyond.
-
-    ``ratio`` is the index beyond the surface over the index before it.
-    """
+    """Return the reflectance at a dielectric, by the formula that it asks for, and the cosine beyond."""
     if lobes.number[lobe, SCHLICK] != 0.0:
         return schlick(cos_i, ratio)
     return fresnel(cos_i, ratio)
@@ -24,11 +21,9 @@ def reflectance_by(lobes, lobe, cos_i, ratio):
 
 @inlined
 def cross_surface(lobes, lobe, stack, i, cos_i, is_front, second):
-    """Take ray i through a dielectric surface, updating ``stack[i]``.
+    """Take ray i through a dielectric surface: reflectance, cosine beyond, index beyond over before.
 
-    ``cos_i`` is the cosine to the normal on the side of the ray; other parameters are those of
-    `at_glass`. Returns the reflectance, the cosine beyond, and the index beyond over that before; the
-    last is 0, and so is the reflectance, where the surface is hidden in another body.
+    The last is 0, and so is the reflectance, where the surface is hidden in another body; see `at_glass`.
     """
     before = filling_medium(stack, i, lobes)
     pass_surface(lobe, stack, i, is_front, second)
@@ -40,15 +35,14 @@ def cross_surface(lobes, lobe, stack, i, cos_i, is_front, second):
     return reflectance, cos_t, ratio
 
 
-@kernel
+@kernel(allocates=True)
 def split_rays(
     lobes, lobe, direction, normal, front_face, second, stack, reflectance, refracted, ratio
 ):
-    """Find both branches of rays at smooth glass, and take their media ``stack`` (n, STACK) through it.
+    """Find both branches of rays at smooth glass, and take their ``stack`` through it: see `cross_surface`.
 
-    ``normal`` may have either sign; ``second`` is as in `at_glass`. ``reflectance``, ``ratio`` (n,) are
-    written as `cross_surface` returns them. ``refracted`` (n, 3) is zero where reflection is total, and
-    the direction itself where the surface is hidden.
+    ``refracted`` (n, 3) is zero where reflection is total, the direction itself where the surface is
+    hidden.
     """
     for i in range(lobe.size):
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
@@ -69,11 +63,7 @@ def split_rays(
 
 @inlined
 def reflectance_ahead(lobes, lobe, stack, i, cos_i, is_front, second):
-    """Return the reflectance at a dielectric; 0 where its surface is hidden in another body.
-
-    ``cos_i`` is the cosine to the normal on the side of the ray; other parameters are those of
-    `at_glass`.
-    """
+    """Return the reflectance at a dielectric; 0 where its surface is hidden in another body."""
     kept = (
         stack[i, 0], stack[i, 1], stack[i, 2], stack[i, 3],
         stack[i, 4], stack[i, 5], stack[i, 6], stack[i, 7],
@@ -86,11 +76,10 @@ def reflectance_ahead(lobes, lobe, stack, i, cos_i, is_front, second):
 
 @inlined
 def at_glass(lobes, lobe, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi):
-    """Sample reflection or refraction at a dielectric by its reflectance.
+    """Sample reflection or refraction at a dielectric by its reflectance; n is on the side of -d.
 
-    n is on the side from which d came. ``stack[i]`` is updated; ``second`` as in
-    `hybrid_rt.shading.kernels.medium_stack`. Returns the direction, the factor on radiance without
-    the tint, and whether the ray is refracted and so tinted.
+    ``stack[i]`` is updated; ``second`` as in `hybrid_rt.shading.kernels.medium_stack`. Returns the
+    direction, the factor on radiance without the tint, and whether the ray is refracted and so tinted.
     """
     # Kept for what is reflected: STACK places.
     kept = (

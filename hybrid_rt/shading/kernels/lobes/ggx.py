@@ -22,8 +22,7 @@ LARGE = 1e7
 def facet_area(alpha, cosine, sine2):
     """Return the normal distribution D: facet area per solid angle of normals and surface area.
 
-    ``cosine`` is that between facet normal and surface normal, ``sine2`` the squared sine, passed
-    separately because 1 - cosine^2 is mostly rounding for small alpha.
+    The squared sine is passed, too, because 1 - cosine^2 is mostly rounding for small alpha.
     """
     spread = alpha * alpha * cosine * cosine + sine2
     return alpha * alpha / (math.pi * spread * spread)
@@ -41,10 +40,7 @@ def stretched(alpha, cosine):
 
 @inner
 def seen_and_lit(alpha, cos_in, cos_out):
-    """Return the height-correlated G2 of two directions on the same side.
-
-    It is 1 / (1 + Lambda + Lambda').
-    """
+    """Return the height-correlated G2 = 1 / (1 + Lambda + Lambda') of two directions on the same side."""
     a, b = stretched(alpha, cos_in), stretched(alpha, cos_out)
     return 2.0 * cos_in * cos_out / (a * cos_out + b * cos_in)
 

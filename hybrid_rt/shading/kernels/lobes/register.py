@@ -67,21 +67,12 @@ def spreads_here(lobes, row, ratio):
 
 @inlined
 def spread_value(lobes, row, ratio, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out):
-    """Return f cos of a non-delta lobe, over its colour, and the pdf.
+    """Return f cos of a non-delta lobe over its colour, three channels, and the pdf per solid angle.
 
-    Three channels, then the pdf per solid angle of `spread_direction`. Transmitted light is
-    radiance: it scales by the index squared.
-
-    Parameters
-    ----------
-    lobes, row : LobeTable, int
-    ratio : float
-        Index beyond the surface over that before it; only for lobes that transmit.
-    n, d, w : unit vectors
-        The normal, of either sign; the direction of the incoming ray; the direction to evaluate.
-    cos_in, cos_out : float
-        Cosines of -d and w to the normal on the side from which d came. The first is never
-        negative; the second is negative only for transmission.
+    n has either sign, d is that of the incoming ray, w is evaluated. The cosines are those of -d and w to
+    the normal on the side from which d came: the second is negative only for transmission. ``ratio`` is the
+    index beyond the surface over that before it. Transmitted light is radiance: it scales by the index
+    squared.
     """
     kind = lobes.kind[row]
     # Cosine between w and the mirror direction d - 2 (n.d) n, whichever way n points.
@@ -107,20 +98,8 @@ def spread_value(lobes, row, ratio, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, 
 def spread_direction(lobes, row, ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch):
     """Sample a direction by a non-delta lobe; n is on the side from which d came.
 
-    Parameters
-    ----------
-    ratio : float
-        As in `spread_value`.
-    xi, eta : float
-        Random numbers in [0, 1) for the direction.
-    branch : float
-        A third for the side.
-
-    Returns
-    -------
-    x, y, z : the direction
-    is_through : whether transmission was sampled; if the direction lies on the wrong side, the
-        light is lost between facets
+    ``branch`` is a random number for the side. Returns the direction, and whether transmission was sampled:
+    if the direction lies on the wrong side, the light is lost between facets.
     """
     kind = lobes.kind[row]
     is_through = False
@@ -141,15 +120,10 @@ def spread_direction(lobes, row, ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch)
 
 @inlined
 def delta_direction(lobes, row, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi):
-    """Sample a direction by a delta lobe; n is on the side from which d came.
+    """Sample a direction by a delta lobe; n is on the side from which d came; ``stack[i]`` is updated.
 
-    ``stack[i]`` is updated, ``second`` is as in `hybrid_rt.shading.kernels.medium_stack`.
-
-    Returns
-    -------
-    x, y, z : the direction
-    factor : on radiance, without the colour
-    is_colored : whether the colour applies (not to reflection by glass)
+    Returns it, the factor on radiance without the colour, and whether that applies (not to reflection by
+    glass).
     """
     if lobes.traits[row] & TRANSMITS:
         return at_glass(lobes, row, stack, i, nx, ny, nz, dx, dy, dz, is_front, second, xi)

@@ -7,12 +7,7 @@ Walter, Marschner, Li and Torrance, "Microfacet models for refraction through ro
 import math
 
 from hybrid_rt.shading.kernels.fresnel import mirrored
-from hybrid_rt.shading.kernels.lobes.ggx import (
-    facet_area,
-    seen_and_lit,
-    stretched,
-    visible_normal,
-)
+from hybrid_rt.shading.kernels.lobes.ggx import facet_area, seen_and_lit, stretched, visible_normal
 from meshing.kernels.jit import inlined, inner
 
 # Columns of `LobeTable.number`: eta and k of three channels, then
@@ -49,16 +44,6 @@ def normal_reflectance(eta, k):
 
 
 @inlined
-def rough_conductor_value(number, row, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out):
-    """Return f cos of each channel over the reflectance at normal incidence, and the pdf."""
-    return _value(
-        (number[row, 0], number[row, 1], number[row, 2]),
-        (number[row, 3], number[row, 4], number[row, 5]), number[row, ALPHA],
-        nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out,
-    )  # fmt: skip
-
-
-@inlined
 def rough_conductor_direction(number, row, nx, ny, nz, dx, dy, dz, xi, eta):
     """Sample a direction: d reflected at a visible facet; it may lead into the surface."""
     mx, my, mz = visible_normal(number[row, ALPHA], nx, ny, nz, dx, dy, dz, xi, eta)
@@ -66,7 +51,9 @@ def rough_conductor_direction(number, row, nx, ny, nz, dx, dy, dz, xi, eta):
 
 
 @inner
-def _value(eta, k, alpha, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out):
+def rough_conductor_value(number, row, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out):
+    """Return f cos of each channel over the reflectance at normal incidence, and the pdf."""
+    alpha = number[row, ALPHA]
     hx, hy, hz = wx - dx, wy - dy, wz - dz
     square = hx * hx + hy * hy + hz * hz
     if square == 0.0 or cos_in <= 0.0:
@@ -80,8 +67,15 @@ def _value(eta, k, alpha, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out):
     # Of the angle at which facets are met: |w - d| is twice that cosine.
     cosine = min(0.5 * math.sqrt(square), 1.0)
     return (
-        f * conductor_reflectance(cosine, eta[0], k[0]) / normal_reflectance(eta[0], k[0]),
-        f * conductor_reflectance(cosine, eta[1], k[1]) / normal_reflectance(eta[1], k[1]),
-        f * conductor_reflectance(cosine, eta[2], k[2]) / normal_reflectance(eta[2], k[2]),
+        _tinted(f, number, row, 0, cosine),
+        _tinted(f, number, row, 1, cosine),
+        _tinted(f, number, row, 2, cosine),
         pdf,
     )
+
+
+@inner
+def _tinted(f, number, row, channel, cosine):
+    """Return f times the reflectance of a channel over that at normal incidence."""
+    eta, k = number[row, channel], number[row, 3 + channel]
+    return f * conductor_reflectance(cosine, eta, k) / normal_reflectance(eta, k)

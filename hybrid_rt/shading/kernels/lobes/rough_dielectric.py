@@ -14,26 +14,16 @@ from hybrid_rt.shading.kernels.lobes.ggx import (
     stretched,
     visible_normal,
 )
-from meshing.kernels.jit import inlined, inner
+from meshing.kernels.jit import inner
 
 # Column of `LobeTable.number`, after those of every dielectric.
 ALPHA = 6
 
 
-@inlined
+@inner
 def rough_dielectric_value(number, row, ratio, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out):
     """Return f cos and the pdf of a direction on either side."""
-    return _value(number[row, ALPHA], ratio, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out)
-
-
-@inlined
-def rough_dielectric_direction(number, row, ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch):
-    """Sample a visible facet, and reflection or refraction: direction, and whether through."""
-    return _direction(number[row, ALPHA], ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch)
-
-
-@inner
-def _value(alpha, ratio, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out):
+    alpha = number[row, ALPHA]
     # The facet that sends d to w: its normal lies along w - d, or ratio w - d through the surface.
     is_through = cos_out < 0.0
     scale = ratio if is_through else 1.0
@@ -64,7 +54,9 @@ def _value(alpha, ratio, nx, ny, nz, dx, dy, dz, wx, wy, wz, cos_in, cos_out):
 
 
 @inner
-def _direction(alpha, ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch):
+def rough_dielectric_direction(number, row, ratio, nx, ny, nz, dx, dy, dz, xi, eta, branch):
+    """Sample a visible facet, and reflection or refraction: direction, and whether through."""
+    alpha = number[row, ALPHA]
     mx, my, mz = visible_normal(alpha, nx, ny, nz, dx, dy, dz, xi, eta)
     facing = min(-(mx * dx + my * dy + mz * dz), 1.0)
     reflectance, cos_t = fresnel(facing, ratio)

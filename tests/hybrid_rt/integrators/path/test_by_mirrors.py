@@ -5,6 +5,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 import trimesh
+from marks import nightly_but
 from same_light import assert_same_light
 
 from hybrid_rt import (
@@ -73,7 +74,9 @@ class TestPictures:
         "short": ([Object(FLOOR.surface, POLISHED), Object(SKEW, POLISHED)], [BULB], {"max_depth": 4}),
     }  # fmt: skip
 
-    @pytest.mark.parametrize("name", SCENES)
+    @pytest.mark.parametrize(
+        "name", nightly_but(SCENES, "two, and two lamps", "mirrors in part", "short")
+    )
     def test_same_light_as_by_chance(self, name):
         """Without light paths no mirror is asked."""
         objects, lights, settings = self.SCENES[name]
@@ -85,6 +88,7 @@ class TestPictures:
         used = found.report["plan"]["light"]["used"]["ways by mirrors and glass"]
         assert f"flat mirrors ({n_mirrors})" in used
 
+    @pytest.mark.nightly
     def test_same_light_beside_a_sky(self):
         """With a sky that is asked by glass, a mirror in part is left to chance."""
         sky = np.full((16, 32, 3), 0.1)

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from marks import nightly_but
 
 from hybrid_rt.integrators.path import path_tracer
 from hybrid_rt.lights import RectangleLight, SphereLight
@@ -62,7 +63,9 @@ class TestConnections:
         "few directions": ([PARTITION], {"max_depth": 2}),
     }  # fmt: skip
 
-    @pytest.mark.parametrize("name", ROOMS)
+    @pytest.mark.parametrize(
+        "name", nightly_but(ROOMS, "both sides of a partition", "few directions")
+    )
     def test_same_light_with_and_without_connections(self, monkeypatch, name):
         """In a room: no part of 64 of the picture differs by more than chance, nor does the whole.
 

@@ -20,11 +20,11 @@ from hybrid_rt.integrators.kernels.connections import (
     member,
 )
 from hybrid_rt.integrators.path.light_paths import (
+    LINE,
     candidates_of,
     new_light_vertices,
     packed,
 )
-from meshing.kernels.prefetch import LINE
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 5])

@@ -6,6 +6,7 @@ from typing import ClassVar
 import mpmath
 import numpy as np
 import pytest
+from marks import nightly_but
 from same_light import assert_same_light
 from trimesh import Trimesh
 from trimesh.transformations import rotation_matrix
@@ -148,7 +149,7 @@ class TestPictures:
             Camera((0, -3.5, 3.5), (0, 0.8, 0.4), (0, 0, 1), 50, n, n), objects, lights, environment
         )
 
-    @pytest.mark.parametrize("name", SKIES)
+    @pytest.mark.parametrize("name", nightly_but(SKIES, "turned", "at a wall"))
     def test_same_light_of_the_sky(self, name):
         """Without next-event estimation no box is asked."""
         scene = self.scene(self.SKIES[name], environment=WINDOW)
@@ -156,6 +157,7 @@ class TestPictures:
         used = found.report["plan"]["light"]["used"]["ways by mirrors and glass"]
         assert "to the sky" in used
 
+    @pytest.mark.nightly
     def test_same_light_below_a_skew_box(self):
         """All light comes from the zenith, through the box."""
         sky = np.zeros((16, 32, 3))
@@ -166,13 +168,13 @@ class TestPictures:
         scene = Scene(camera, [FLOOR, box], [], ImageEnvironment(sky, (0, 0, 1)))
         assert_same_light(scene, PathOptions(strategy="directions"), 4096, 768, max_depth=4)
 
-    @pytest.mark.parametrize("max_depth", [2, 3])
+    @pytest.mark.parametrize("max_depth", nightly_but([2, 3], 2))
     def test_same_light_in_few_bounces(self, max_depth):
         scene = self.scene(self.SKIES["pane"], environment=WINDOW)
         without = PathOptions(strategy="directions")
         assert_same_light(scene, without, 600, 200, max_depth=max_depth)
 
-    @pytest.mark.parametrize("name", LAMPS)
+    @pytest.mark.parametrize("name", nightly_but(LAMPS, "pane"))
     def test_same_light_of_lamps(self, name):
         """Without light paths no box is asked."""
         objects, lamp = self.LAMPS[name]

@@ -20,7 +20,7 @@ from hybrid_rt.integrators.kernels.vertex_points import (
     new_run_points,
 )
 from hybrid_rt.sampling.sampler import Sampler
-from meshing.kernels.jit import hot_kernel
+from meshing.kernels.jit import kernel
 
 SEED, FIRST, DEPTH = 2**40 + 7, 5, 9
 PIXEL = np.arange(3 * RUN_ACROSS, dtype=np.uint64) * np.uint64(2**31 + 11)
@@ -35,17 +35,17 @@ class Rules(NamedTuple):
     min_distance: float = 0.5
 
 
-@hot_kernel
+@kernel
 def along(rules, pixel, sample, points):
     draw_along(rules, DEPTH, pixel, sample, points)
 
 
-@hot_kernel
+@kernel
 def across(rules, pixel, sample, begin, points):
     draw_across(rules, DEPTH, pixel, sample, begin, points)
 
 
-@hot_kernel
+@kernel
 def to_sphere(rules, pixel, sample, out):
     out[0], out[1] = draw_later(rules, DEPTH, TO_SPHERE, pixel, sample)
 

@@ -43,6 +43,7 @@ def floor_of_a_pipe(width=0.8, depth=0.6, height=0.5):
     return Scene(camera, [floor, *(Object(wall, Mirror(1.0)) for wall in walls)], [lamp])
 
 
+@pytest.mark.nightly
 def test_a_wall_at_the_border_is_in_the_interval_of_the_mean():
     truth = ALBEDO * RADIANCE
     report = render(

@@ -110,7 +110,13 @@ def test_paraboloid_makes_light_parallel():
         assert abs(found - expected) < stats.norm.isf(ALARM / 8) * sigma
 
 
-@pytest.mark.parametrize("bench", [BALL, BEHIND_PANE], ids=["ball", "pane"])
+@pytest.mark.parametrize(
+    "bench",
+    [
+        pytest.param(BALL, id="ball"),
+        pytest.param(BEHIND_PANE, id="pane", marks=pytest.mark.nightly),
+    ],
+)
 def test_picture_agrees_with_a_light_tracer_of_its_own(bench):
     """Patches of the picture of a lit floor, glass ball and pane included."""
     camera = Camera((0, -3, 2.2), (0, 0, 0.3), (0, 0, 1), 45, 64, 64)
@@ -209,6 +215,7 @@ def caustic():
     return scene, truth.astype(float)
 
 
+@pytest.mark.nightly
 def test_error_falls_as_the_third_root_of_the_passes(caustic):
     """With alpha = 2/3 noise and blur both fall as n^(-1/3); the truth has 16 times the photons."""
     scene, truth = caustic
@@ -240,6 +247,7 @@ class TestBlur:
             for result in results:
                 assert 0.6 < result.report["photons"][name] / gap < 1.6
 
+    @pytest.mark.nightly
     def test_photon_map_keeps_its_blur_and_says_so(self, caustic):
         scene, truth = caustic
         gaps = []

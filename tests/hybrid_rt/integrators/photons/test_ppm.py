@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from marks import nightly_but
 from scipy import stats
 
 from hybrid_rt.integrators import PhotonMapOptions, PPMOptions
@@ -170,7 +171,7 @@ class TestAgainstPaths:
              Object(Box((-9, -9, -1), (9, 9, 9)), Dielectric(1.33, (0.05, 0.1, 0.2)))], [LAMP], None),
     }  # fmt: skip
 
-    @pytest.mark.parametrize("name", SCENES)
+    @pytest.mark.parametrize("name", nightly_but(SCENES, "matt", "sky", "glass"))
     def test_radiance_of_patches(self, name):
         objects, lights, sky = self.SCENES[name]
         view = Camera((0.5, -3.5, 2.2), (0, 0.3, 0.5), (0, 0, 1), 50, 32, 32)
@@ -234,6 +235,7 @@ def test_threads_change_no_bit(integrator, options):
     assert one.report["photons"] == three.report["photons"]
 
 
+@pytest.mark.nightly
 def test_stated_noise_is_that_of_many_renders():
     """Groups of passes have photons of their own, so what they differ by is the noise."""
     camera = Camera((0, -3, 2.2), (0, 0, 0.1), (0, 0, 1), 20, 12, 12)

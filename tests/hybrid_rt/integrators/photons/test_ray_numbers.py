@@ -84,6 +84,7 @@ def test_few_photons_leave_little_to_spread_more_shadow_rays_over():
 
 
 @pytest.mark.statistical
+@pytest.mark.nightly
 def test_stated_blur_is_that_of_one_camera_ray():
     """The root mean square of the blur of light from a mirror, by 1 and by 4 camera rays.
 

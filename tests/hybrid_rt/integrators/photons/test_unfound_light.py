@@ -1,6 +1,7 @@
 """The size of light that is not found, against closed forms and against those who find it."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from hybrid_rt.integrators import INTEGRATORS, PPMOptions
 from hybrid_rt.integrators.photons import probe
 from hybrid_rt.integrators.photons import unfound_light as unfound
-from hybrid_rt.integrators.photons.unfound_light import _beginnings
+from hybrid_rt.integrators.photons.probe import beginnings_of
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight
 from hybrid_rt.materials import Dielectric, Lambertian, Metal, Mirror, Mix
 from hybrid_rt.materials.rough_dielectric import RoughDielectric
@@ -179,7 +180,8 @@ def test_lights_are_grouped_by_what_is_missed():
 
     def of(name):
         declared = INTEGRATORS[name]
-        found = _beginnings(declared.finds(declared.options()), scene)
+        begin = partial(unfound._begin, declared.finds(declared.options()))
+        found = beginnings_of(scene, begin)
         return [(part.lights, part.firsts, part.direct) for part in found]
 
     assert of("path") == [("P", "S", False)]

@@ -8,8 +8,8 @@ import pytest
 import trimesh
 
 from hybrid_rt.integrators import workers
-from hybrid_rt.integrators.whitted import whitted
-from hybrid_rt.integrators.whitted.all_lights import AllLights
+from hybrid_rt.integrators.whitted import all_lights, whitted
+from hybrid_rt.integrators.whitted.all_lights import MOST_LIGHTS, AllLights
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight
 from hybrid_rt.materials import Dielectric, Emissive, Lambertian, Metal, Mirror, Phong
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
@@ -50,6 +50,47 @@ def test_matt_floor_under_a_point_light():
     irradiance = np.array([10, 20, 30]) * (3 / math.sqrt(10)) / 10
     expected = np.array([0.2, 0.4, 0.8]) / math.pi * irradiance
     np.testing.assert_allclose(radiance(scene), expected, rtol=FLOAT32)
+
+
+def test_of_many_lights_some_are_sampled_in_proportion_to_their_power():
+    """100 point lights at one place: each sample is worth the same, so 32 of them give the exact sum."""
+    power = np.linspace(1.0, 3.0, 100)
+    lamps = [PointLight((0, 0, 3), p) for p in power]
+    scene = Scene(pixel((1, 0, 2), (1, 0, 0)), [floor(Lambertian(0.5))], lamps)
+    result = render(scene, passes=1)
+    expected = 0.5 / math.pi * power.sum() * (3 / math.sqrt(10)) / 10
+    # A hundredth of the samples goes to lamps by turns.
+    np.testing.assert_allclose(result.image[0, 0], expected, rtol=0.02)
+    assert result.report["rays"]["shadow"] == MOST_LIGHTS
+
+
+def test_many_lights_at_many_places_are_sampled_without_bias():
+    rng = np.random.default_rng(5)
+    places = np.column_stack([rng.uniform(-3, 3, (80, 2)), rng.uniform(0.5, 3, 80)])
+    lamps = [PointLight(place, 1.0) for place in places]
+    scene = Scene(pixel((1, 0, 0.1), (1, 0, 0)), [floor(Lambertian(0.5))], lamps)
+    to_lamp = places - (1, 0, 0)
+    square = (to_lamp**2).sum(axis=1)
+    expected = 0.5 / math.pi * (to_lamp[:, 2] / square**1.5).sum()
+    result = render(scene, passes=400)
+    # Samples in order of the lamps' numbers leave a few per cent of one pass's noise.
+    error = 4.0 * result.report["noise"]["standard_error_of_image_mean"]
+    assert 0.0 < error < 0.02 * expected
+    np.testing.assert_allclose(result.image[0, 0], expected, atol=error)
+
+
+def test_shadow_rays_of_many_lights_are_bounded_by_the_block(monkeypatch):
+    """Traced a few lights at a time, the picture has the same bits."""
+    lamps = [PointLight((0.1 * k, 0, 3), 1.0) for k in range(7)]
+    camera = Camera((1, 0, 2), (1, 0, 0), (0, 1, 0), 40, 8, 8)
+    scene = Scene(camera, [floor(Lambertian(0.5))], lamps)
+    whole = render(scene, passes=2).image
+    most = []
+    monkeypatch.setattr(all_lights, "BLOCK", 150)
+    before = all_lights.shadow_rays
+    monkeypatch.setattr(all_lights, "shadow_rays", lambda n: (most.append(n), before(n))[1])
+    np.testing.assert_array_equal(render(scene, passes=2, threads=1).image, whole)
+    assert max(most) <= 150
 
 
 def test_floor_lit_from_behind_is_black():

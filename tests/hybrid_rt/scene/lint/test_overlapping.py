@@ -2,6 +2,7 @@
 
 import itertools
 
+import numpy as np
 import pytest
 
 from hybrid_rt import (
@@ -18,7 +19,7 @@ from hybrid_rt import (
     render,
 )
 from hybrid_rt.scene.compiled import compile_scene
-from hybrid_rt.scene.lint.overlapping import overlapping_bodies
+from hybrid_rt.scene.lint.overlapping import _pairs_of_boxes, overlapping_bodies
 
 CAMERA = Camera((0, -9, 3), (0, 0, 1), (0, 0, 1), 40, 16, 12)
 LAMP = PointLight((3, -4, 9), 300.0)
@@ -88,6 +89,24 @@ def test_balls():
 
 def test_what_only_shines_has_no_medium():
     assert found(Object(Sphere((0, 0, 0), 1.0), Emissive(2.0)), Object(DRINK, Emissive(1.0))) == []
+
+
+def test_pairs_of_boxes_are_those_of_a_look_at_all():
+    rng = np.random.default_rng(3)
+    low = rng.random((60, 3))
+    boxes = np.stack([low, low + rng.uniform(0.05, 0.6, low.shape)], axis=1)
+    medium = rng.integers(0, 2, (60, 5)).astype(float)
+    wanted = {
+        (i, k)
+        for i, k in itertools.combinations(range(60), 2)
+        if (boxes[i, 0] < boxes[k, 1]).all()
+        and (boxes[k, 0] < boxes[i, 1]).all()
+        and medium[i, 4] == medium[k, 4]
+        and (medium[i] != medium[k]).any()
+    }
+    pairs = list(_pairs_of_boxes(boxes, medium))
+    assert len(pairs) == len(wanted) > 50
+    assert set(pairs) == wanted
 
 
 def test_open_bodies_say_nothing():

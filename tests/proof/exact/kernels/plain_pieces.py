@@ -78,7 +78,7 @@ def _turn(f, g, rows, columns, fu, fv, gu, gv, det):
     return max(u0 + u1, v0 + v1)
 
 
-@kernel
+@kernel(allocates=True)
 def pieces_left(f, g, may_turn, out):
     """Return how many pieces may hold zeros of both sums, -1 if more than fit or too much work.
 

@@ -7,7 +7,7 @@ the stretch of the ray within a ball around the torus.
 import math
 from typing import Any, NamedTuple
 
-from meshing.kernels.jit import hot_kernel, inner
+from meshing.kernels.jit import inner, kernel
 from proof.filters.kernels.balls import (
     GROW,
     minus,
@@ -156,7 +156,7 @@ def _ray(surface, o, d, leaves, hit_t, scratch, out):
     )  # fmt: skip
 
 
-@hot_kernel
+@kernel
 def first_on_torus(surface, origins, directions, leaves, hit_t, scratch, out):
     """Say of each ray what is certain of its first crossing; see `turned.first_on_turned`."""
     for i in range(origins.shape[0]):

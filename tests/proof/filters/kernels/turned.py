@@ -12,7 +12,7 @@ root of a quadratic with an interval for R^2, and both are narrowed in turn.
 
 import math
 
-from meshing.kernels.jit import hot_kernel, inner
+from meshing.kernels.jit import inner, kernel
 from proof.filters.kernels.balls import (
     GROW,
     minus,
@@ -269,7 +269,7 @@ def _ray(surface, o, d, leaves, hit_t, scratch, out):
     )  # fmt: skip
 
 
-@hot_kernel
+@kernel
 def first_on_turned(surface, origins, directions, leaves, hit_t, scratch, out):
     """Say of each ray what is certain of its first crossing.
 

@@ -125,7 +125,7 @@ def _cosine_way(s, t):
     return ring * math.cos(2 * math.pi * t), ring * math.sin(2 * math.pi * t), math.sqrt(1.0 - s)
 
 
-@kernel
+@kernel(allocates=True)
 def count_on_floor(lamp, half, albedo, spheres, slabs, ior, seed, first, stop, counts):
     """Trace the photons ``first`` to ``stop`` and count their hits on the floor.
 
@@ -173,7 +173,7 @@ def count_on_floor(lamp, half, albedo, spheres, slabs, ior, seed, first, stop, c
             c = c_new if c < 0.0 else -c_new
 
 
-@kernel
+@kernel(allocates=True)
 def look_at_floor(lamp, half, spheres, slabs, ior, seed, first, origin, direction, place):
     """Trace camera rays through dielectrics, with random branches, to the upper side of the floor.
 
