@@ -13,9 +13,7 @@ taken nearest first.
 At a silhouette pieces become thin across the fold before they become short. A piece thinner than
 rounding holds no decision to be made: if it is as short as such a piece of a curved surface is, it
 is taken as a root, to be probed; if it is long, a flat piece lies edge-on in the ray, and the ray
-passes it by with its doubt noted. So does a ray that passes any piece within the band. The first doubt
-is all that counts: behind it no piece is asked that cannot hold a root, so a ray along a surface, for
-which all pieces are doubtful, costs little more than one that touches it.
+passes it by with its doubt noted. So does a ray that passes any piece within the band.
 
 Pieces with a collapsed edge are treated apart, in `patch.poles`: all their parts meet all rays
 through the point that the edge is, so halving would go on until they are points.
@@ -156,22 +154,18 @@ def _from_origin(control, k, ox, oy, oz, rational):
 
 @inlined
 def slow_solve(
-    i, patch, ray, u0, u1, v0, v1, t_lo, t_cut, band, is_moved, rays, best, scratch, counters
+    i, patch, ray, u0, u1, v0, v1, t_lo, t_cut, band, rays, best, scratch, counters
 ):  # fmt: skip
     """Find the first root of ray i in the rectangle [u0, u1] x [v0, v1] of a patch and offer it.
 
     t in [t_lo, t_cut] counts lengths of d from o. Pieces without a root, but within ``band`` of the
-    ray, are noted as doubts; of rays that are moved nobody asks for these. What is offered depends on
-    ray and rectangle only, not on `best`.
+    ray, are noted as doubts. What is offered depends on ray and rectangle only, not on `best`.
     """
     control, start, degree_u, degree_v, basis, rational, size, object_id, row, _ = patch
     ox, oy, oz, dx, dy, dz, shift, to_world = ray
     t_min, known = rays.t_min, rays.known
     nets, boxes, room = scratch.nets, scratch.boxes, scratch.room
     counters[SLOW] += 1
-    # The doubts of other searches leave out nothing here: which of them come first may differ.
-    doubt_before = best.doubt[i]
-    best.doubt[i] = -np.inf if is_moved else np.inf
     length = np.sqrt(dx * dx + dy * dy + dz * dz)
     ex, ey, ez = dx / length, dy / length, dz / length
     px, py, pz, qx, qy, qz = normals_of(dx, dy, dz)
@@ -270,12 +264,6 @@ def slow_solve(
         if x0 > reach or x1 < -reach or y0 > reach or y1 < -reach:
             continue
         is_beside = is_beside or x0 > slop or x1 < -slop or y0 > slop or y1 < -slop
-        # Of places beside the ray the first one counts, and of roots before t_min that there is one.
-        t_first = ((h0 - slop) / length + shift) * to_world
-        is_behind = ((h1 + slop) / length + shift) * to_world <= t_min[i]
-        is_late = t_first >= best.doubt[i]
-        if (is_beside and (is_behind or is_late)) or (is_behind and best.doubt[i] <= t_min[i]):
-            continue
         is_point = max(f1 - f0, g1 - g0, h1 - h0) <= 4.0 * slop
         is_long = h1 - h0 > LONG * size
         # --- without a root, but perhaps within the band; or too small to be told from a point, or too
@@ -311,8 +299,6 @@ def slow_solve(
             is_flat = n_dot_d < CLEAR_CROSSING
             is_root = is_point or (is_flat and x1 - x0 < fold and h1 - h0 < fold)
             passes = is_flat and not is_root and not is_long
-            if is_flat and is_long and is_late:
-                continue
         if may_pass or is_root:
             u, v, t_near, gap, there = approach(
                 patch, ray, um, vm, um - hu, um + hu, vm - hv, vm + hv, APPROACHES
@@ -462,6 +448,5 @@ def slow_solve(
                 boxes[top, k] = boxes[top + 1, k]
                 boxes[top + 1, k] = swap
         top += 2
-    best.doubt[i] = min(best.doubt[i], doubt_before)
     counters[PIECES] += pieces
     counters[MOST_PIECES] = max(counters[MOST_PIECES], pieces)

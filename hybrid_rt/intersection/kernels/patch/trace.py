@@ -22,6 +22,7 @@ from hybrid_rt.intersection.kernels.patch.cells import (
     MIDDLE_U,
     MIDDLE_V,
     ROW_N,
+    side_at_point,
 )
 from hybrid_rt.intersection.kernels.patch.skew_box import LOWER, UPPER, meet_box
 from hybrid_rt.intersection.kernels.patch.solve import (
@@ -262,60 +263,63 @@ def trace_patches(table, tree, rays, aside, guess, best, any_hit, scratch, t_gue
     return last, n_doubts
 
 
+@inlined
+def _side_of(table, k, u0, u1, v0, v1):
+    """Return on which side of a cell its patch ends in a point; else -1."""
+    if u0 != 0.0 and u1 != 1.0 and v0 != 0.0 and v1 != 1.0:
+        return -1
+    return side_at_point(
+        table.control, table.start[k], table.degree[k, 0], table.degree[k, 1], table.rational,
+        u0, u1, v0, v1,
+    )  # fmt: skip
+
+
 @kernel
 def settle_doubts(table, rays, aside, best, any_hit, scratch, n_doubts, counters):
-    """Search the cells that `trace_patches` has queued, and lower ``best`` to what they hold.
-
-    All cells of a patch that one ray has left are one search of the rectangle around them: what the ray
-    nearly meets goes on from each of them into the next.
-    """
+    """Search the cells that `trace_patches` has queued, and lower ``best`` to what they hold."""
     middle, to_frame, record, queue = table.middle, table.to_frame, table.record, scratch.queue
     to_world = 1.0 / to_frame
-    end = 0
-    while end < n_doubts:
-        row, i = end, np.int64(queue[end, 0])
-        while end < n_doubts and queue[end, 0] == i:
-            end += 1
+    for row in range(n_doubts):
+        i, cell = np.int64(queue[row, 0]), np.int64(queue[row, 1])
+        if cell < 0 or (any_hit and best.object_id[i] >= 0):
+            continue
         o, d = rays.origin[i], rays.direction[i]
         x, y, z, lx, ly, lz, shift = enter_frame(
             o[0], o[1], o[2], d[0], d[1], d[2], middle[0], middle[1], middle[2], to_frame
         )
         if aside.shape[0] > 0:
             x, y, z = x + aside[i, 0], y + aside[i, 1], z + aside[i, 2]
-        ray = FrameRay(x, y, z, lx, ly, lz, d[0], d[1], d[2], shift, to_world)
         t_lo = begin_of(rays.t_min[i], to_frame, shift)
-        # Which cells are searched together depends on no search but the walk.
-        t_end = end_of(best.t[i], to_frame, shift)
-        for first in range(row, end):
-            cell = np.int64(queue[first, 1])
-            if cell < 0 or (any_hit and best.object_id[i] >= 0):
-                continue
-            k = np.int64(table.cell_patch[cell])
-            u0 = v0 = begin = np.inf
-            u1 = v1 = -np.inf
-            for other in range(first, end):
+        t_cut = end_of(best.t[i], to_frame, shift)
+        # What other cells have offered since may be in front of this one.
+        t0, t1, _, _, _, _, _, _ = meet_box(
+            record, int(cell), x, y, z, d[0], d[1], d[2]
+        )  # fmt: skip
+        if t1 < t_lo or t0 > t_cut:
+            continue
+        k = np.int64(table.cell_patch[cell])
+        um, vm = record[cell, MIDDLE_U], record[cell, MIDDLE_V]
+        hu, hv = record[cell, HALF], record[cell, HALF + 1]
+        u0, u1, v0, v1 = um - hu, um + hu, vm - hv, vm + hv
+        # All cells along a border that is a point are one search.
+        side = _side_of(table, k, u0, u1, v0, v1)
+        if side >= 0:
+            if side < 2:
+                v0, v1 = 0.0, 1.0
+            else:
+                u0, u1 = 0.0, 1.0
+            for other in range(row + 1, n_doubts):
+                if queue[other, 0] != i:
+                    break
                 cell = np.int64(queue[other, 1])
                 if cell < 0 or table.cell_patch[cell] != k:
                     continue
-                queue[other, 1] = -1
-                t0, t1, _, _, _, _, _, _ = meet_box(
-                    record, int(cell), x, y, z, d[0], d[1], d[2]
-                )  # fmt: skip
-                if t1 < t_lo or t0 > t_end:
-                    continue
-                begin = min(begin, t0)
                 um, vm = record[cell, MIDDLE_U], record[cell, MIDDLE_V]
                 hu, hv = record[cell, HALF], record[cell, HALF + 1]
-                u0, u1, v0, v1 = (
-                    min(u0, um - hu),
-                    max(u1, um + hu),
-                    min(v0, vm - hv),
-                    max(v1, vm + hv),
-                )
-            t_cut = end_of(best.t[i], to_frame, shift)
-            if begin <= t_cut:
-                slow_solve(
-                    i, patch_of(table, k, scratch.basis), from_centre(table, k, ray),
-                    u0, u1, v0, v1, t_lo, t_cut, band_of(table.around, k, ray),
-                    aside.shape[0] > 0, rays, best, scratch, counters,
-                )  # fmt: skip
+                if _side_of(table, k, um - hu, um + hu, vm - hv, vm + hv) == side:
+                    queue[other, 1] = -1
+        ray = FrameRay(x, y, z, lx, ly, lz, d[0], d[1], d[2], shift, to_world)
+        slow_solve(
+            i, patch_of(table, k, scratch.basis), from_centre(table, k, ray), u0, u1, v0, v1,
+            t_lo, t_cut, band_of(table.around, k, ray), rays, best, scratch, counters,
+        )  # fmt: skip
