@@ -131,6 +131,9 @@ def _draw(axes: Any, diagram: Diagram, *, is_wide: bool) -> None:
                     mark.x[0], mark.y[0], marker=marker, markersize=5, color=color,
                     markerfacecolor="white", zorder=3,
                 )  # fmt: skip
+    for limits, set_limits in ((axes.get_xlim(), axes.set_xlim), (axes.get_ylim(), axes.set_ylim)):
+        if limits[1] <= limits[0] * (1.0 + 1e-6):  # marks that rounding alone tells apart
+            set_limits(0.5 * limits[0], 2.0 * limits[1])
     _labels(axes, diagram)
     _slopes(axes, diagram)
     if diagram.floor is not None:

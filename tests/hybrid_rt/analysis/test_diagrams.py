@@ -26,6 +26,13 @@ class TestDiagram:
         save([diagram] * 3, tmp_path / "a.png")
         assert imageio.imread(tmp_path / "a.png").shape[:2] == (3 * 517, 924)
 
+    @pytest.mark.parametrize("more", [0.0, 1e-16, 1e-15, 1e-13])
+    def test_marks_that_rounding_alone_tells_apart_are_drawn(self, more):
+        """Renders may take as long as each other: of such marks matplotlib draws no axis."""
+        x = 0.0625
+        marks = [self.mark(x, 1.0, label="a"), self.mark(x * (1.0 + more), 2.0, label="b")]
+        assert "<svg" in as_svg(Diagram("t", "x", "y", [Line("l", marks)]))
+
     @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
     def test_what_has_no_logarithm_is_refused(self, value):
         with pytest.raises(ValueError, match=rf"diagram 't' has the value {value}: pass"):
