@@ -31,7 +31,8 @@ def _reads(read: Callable[[str], Any]) -> Callable[[str], Any]:
 
 def add_render_options(parser: argparse.ArgumentParser) -> None:
     """Add what ``hybrid-rt render`` and scene scripts take."""
-    from hybrid_rt.rendering.settings import Arguments, declared_in, read_whole
+    from hybrid_rt.rendering.arguments import Arguments
+    from hybrid_rt.rendering.settings import declared_in, read_whole
 
     defaults = {one.name: one.default for one in fields(Arguments)}
     for name, setting in declared_in(Arguments).items():
@@ -86,7 +87,7 @@ def other_options(known: Sequence[str]) -> dict[str, str]:
     """Return options of a command, all of which are known, by the names that other programs have for them."""
     if "--passes" not in known:
         return {}
-    from hybrid_rt.rendering.settings import other_names
+    from hybrid_rt.rendering.arguments import other_names
 
     meant = {name.replace("_", "-"): of.replace("_", "-") for name, of in other_names().items()}
     meant |= {"size": "width", "resolution": "width"}

@@ -103,7 +103,8 @@ def render_scene(
 
 def _checked(name: str, options: argparse.Namespace) -> _Asked:
     """Refuse what cannot be, before a script runs that may take its time."""
-    from hybrid_rt.rendering.settings import Arguments, checked, declared_in
+    from hybrid_rt.rendering.arguments import Arguments, checked
+    from hybrid_rt.rendering.settings import declared_in
     from hybrid_rt.sensor.image_files import keeps_channels
 
     outputs = [_Output(path) for path in options.out or [Path(f"{name}.png")]]

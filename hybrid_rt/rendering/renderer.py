@@ -10,6 +10,7 @@ from hybrid_rt.core.ledger import Ledger
 from hybrid_rt.core.precompile import want
 from hybrid_rt.core.progress import watch_compilation
 from hybrid_rt.core.suggestions import explains
+from hybrid_rt.rendering.arguments import Arguments, other_names, takes
 from hybrid_rt.rendering.audit import audit
 from hybrid_rt.rendering.channels import compute_channels
 from hybrid_rt.rendering.limits import Clock
@@ -19,7 +20,6 @@ from hybrid_rt.rendering.report_warnings import scene_warnings, warnings_in_word
 from hybrid_rt.rendering.result import RenderInterrupted, RenderResult
 from hybrid_rt.rendering.run import ClusterLost, run_passes
 from hybrid_rt.rendering.set_up import Rehearsal, set_up
-from hybrid_rt.rendering.settings import Arguments, other_names, takes
 from hybrid_rt.rendering.unmet_light import with_unmet_light
 from hybrid_rt.rendering.watcher import Beginning
 from hybrid_rt.scene.scene import Scene

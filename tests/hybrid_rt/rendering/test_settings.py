@@ -9,7 +9,8 @@ import pytest
 
 from hybrid_rt import Camera, PPMOptions, Scene, render
 from hybrid_rt.cli.options import add_render_options
-from hybrid_rt.rendering.settings import Arguments, Settings, declared_in, other_names
+from hybrid_rt.rendering.arguments import Arguments, other_names
+from hybrid_rt.rendering.settings import Settings, declared_in
 
 DECLARED = declared_in(Arguments)
 SCENE = Scene(Camera((0, 0, 2), (0, 0, 0), (0, 1, 0), width=2, height=2), [])
