@@ -8,15 +8,12 @@ cells are approximate.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
 
 from meshing.checks import FloatArray, IdArray
 from meshing.spans import across, within_patch
-
-if TYPE_CHECKING:
-    from meshing.surface import Surface
 
 # Cells along u and v of one patch. The density within a cell varies as |S_u x S_v| does there:
 # by a few percent for a bicubic patch.
@@ -24,6 +21,30 @@ CELLS = 16
 
 Place: TypeAlias = tuple[IdArray, FloatArray, FloatArray]
 """(patch_id, u, v) of points, or (cell, xi, eta): their cells, and two numbers in [0, 1] within these."""
+
+
+class Patches(Protocol):
+    """What is asked of a surface: how many patches it has, and its partials."""
+
+    @property
+    def pieces(self) -> Patches:
+        """The patches, each with (u, v) in the unit square."""
+        ...
+
+    @property
+    def spans(self) -> FloatArray | None:
+        """(k, 4): u0, u1, v0, v1 of each patch on a sheet; None: they are `pieces` themselves."""
+        ...
+
+    def __len__(self) -> int:
+        """Return the number of patches."""
+        ...
+
+    def partials(
+        self, u: FloatArray, v: FloatArray, patch_id: IdArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return S_u and S_v, each (n, 3)."""
+        ...
 
 
 class AreaSampler(ABC):
@@ -121,7 +142,7 @@ class Triangles(CellSampler):
 class Grid(CellSampler):
     """Any surface with partials: a grid of ``cells`` along u and v on each of its patches."""
 
-    def __init__(self, surface: Surface, cells: int = CELLS) -> None:
+    def __init__(self, surface: Patches, cells: int = CELLS) -> None:
         self._spans, surface, self._cells = surface.spans, surface.pieces, cells
         self._surface = surface
         middle = (np.arange(cells) + 0.5) / cells
@@ -168,7 +189,7 @@ class Grid(CellSampler):
         return density
 
 
-def stretch_of(surface: Surface, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
+def stretch_of(surface: Patches, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
     """Return |S_u x S_v|."""
     s_u, s_v = surface.partials(u, v, patch_id)
     stretch: FloatArray = np.linalg.norm(np.cross(s_u, s_v), axis=1)

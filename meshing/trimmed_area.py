@@ -8,17 +8,15 @@ the density is that of the cells, and no area inside the loops needs to be known
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from meshing.area import CELLS, CellSampler, Place, stretch_of
+from meshing.area import CELLS, CellSampler, Patches, Place, stretch_of
 from meshing.checks import BoolArray, FloatArray, IdArray
 from meshing.kernels.trims import CROSSED, OUTSIDE
 from meshing.spans import across, within_patch
-
-if TYPE_CHECKING:
-    from meshing.trimmed import TrimmedSurface
 
 # Cells of a whole surface at least, as of surfaces without loops, and cells of a small part of one.
 FEWEST_WHOLE, FEWEST = 4096, 1024
@@ -32,6 +30,18 @@ DEEPEST = 22
 POINTS = 4
 # A crossed cell counts at least this part as inside: half of one of its points.
 LEAST_INSIDE = 0.5 / POINTS**2
+
+
+class Trimmed(Patches, Protocol):
+    """What is asked of a trimmed surface besides its patches."""
+
+    def sides(self, boxes: FloatArray) -> NDArray[np.uint8]:
+        """Tell on which side of the loops boxes (k, 4) u0, u1, v0, v1 are."""
+        ...
+
+    def contains(self, u: FloatArray, v: FloatArray) -> tuple[BoolArray, BoolArray]:
+        """Tell which (u, v) are inside the loops, and which are undecided."""
+        ...
 
 
 class _Cells(NamedTuple):
@@ -57,7 +67,7 @@ class TrimmedCells(CellSampler):
     given up, and counted as sampled.
     """
 
-    def __init__(self, surface: TrimmedSurface) -> None:
+    def __init__(self, surface: Trimmed) -> None:
         self._spans, self._surface = surface.spans, surface.pieces
         cells = _cells(surface)
         if not cells.patch.size:
@@ -75,7 +85,7 @@ class TrimmedCells(CellSampler):
         super().__init__(np.sqrt(whole * seen))
         self.area = float(inside.sum()) or float(seen.sum())
 
-    def _areas(self, surface: TrimmedSurface) -> tuple[FloatArray, FloatArray]:
+    def _areas(self, surface: Trimmed) -> tuple[FloatArray, FloatArray]:
         """Return the approximate areas of cells, and of their parts inside the loops."""
         every, crossed = np.arange(self._first.size), np.flatnonzero(self._cells.is_crossed)
         whole, inside = np.zeros((2, every.size))
@@ -138,7 +148,7 @@ class TrimmedCells(CellSampler):
         return cell, (self._first[cell] <= code) & (code < self._end[cell]), u, v
 
 
-def _cells(surface: TrimmedSurface) -> _Cells:
+def _cells(surface: Trimmed) -> _Cells:
     """Cut the patches of a surface into cells that are not outside the loops."""
     n = len(surface)
     zero = np.zeros(n, np.int64)
@@ -159,7 +169,7 @@ def _cells(surface: TrimmedSurface) -> _Cells:
     return cells
 
 
-def _quartered(surface: TrimmedSurface, cells: _Cells, chosen: BoolArray) -> _Cells:
+def _quartered(surface: Trimmed, cells: _Cells, chosen: BoolArray) -> _Cells:
     """Cut chosen cells into four; leave out those outside the loops."""
     quarter = np.tile(np.arange(4), chosen.sum())
     patch, i, j, level, is_crossed = cells.at(np.repeat(np.flatnonzero(chosen), 4))

@@ -20,14 +20,11 @@ from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 from urllib.parse import parse_qs, urlsplit
 
 from hybrid_rt.core.memory import free_descriptors
 from hybrid_rt.live.picture import HalfPicture
-
-if TYPE_CHECKING:
-    from hybrid_rt.live.watch import LivePage
 
 HOST = "127.0.0.1"
 HTTP_PORT = 80
@@ -67,10 +64,35 @@ HEADERS = {
 LAST = ("ended", "failed")
 
 
+class Shown(Protocol):
+    """What the server asks of `hybrid_rt.live.watch.LivePage`."""
+
+    def now(self) -> dict[str, Any]:
+        """Return the state."""
+
+    def about(self) -> dict[str, Any]:
+        """Return what does not change."""
+
+    def picture(self, after: int) -> HalfPicture | None:
+        """Return a new picture."""
+
+    def compared(self) -> HalfPicture | None:
+        """Return the other picture."""
+
+    def probe(self, column: int, row: int) -> dict[str, Any] | None:
+        """Return what a pixel holds."""
+
+    def note_sent(self, seconds: float) -> None:
+        """Hear of a picture sent."""
+
+    def ask_to_stop(self) -> None:
+        """Stop the render."""
+
+
 class PageServer:
     """Serves one page; its threads do not keep the process alive."""
 
-    def __init__(self, port: int, token: str, shown: LivePage) -> None:
+    def __init__(self, port: int, token: str, shown: Shown) -> None:
         try:
             self._server = _Server((HOST, port), _Handler)
         except OSError as error:
@@ -116,7 +138,7 @@ class _Server(ThreadingHTTPServer):
     daemon_threads = True
     block_on_close = False
     request_queue_size = MOST_CONNECTIONS  # or a page would wait for a second while others knock
-    shown: LivePage
+    shown: Shown
     token: bytes
     names: set[str]
 
