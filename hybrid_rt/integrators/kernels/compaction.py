@@ -159,9 +159,13 @@ def choose_light(before, chance, xi):
 
     ``before`` (lights + 1,) is the cumulative distribution of the lights.
     """
-    row = 0
-    while row < before.size - 1 and (xi >= before[row] or chance[row] == 0.0):
-        row += 1
+    row, last = 0, before.size - 1
+    while row < last:
+        middle = (row + last) // 2
+        if xi < before[middle]:
+            last = middle
+        else:
+            row = middle + 1
     while chance[row] == 0.0:  # rounding may leave the sums just below one
         row -= 1
     rest = (xi - (before[row] - chance[row])) / chance[row]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hybrid_rt.core.records import FloatArray, IntArray
 from hybrid_rt.integrators.direct_light import SurfaceLight, shadow_rays
 from hybrid_rt.integrators.integrator import BLOCK
-from hybrid_rt.integrators.kernels.compaction import ShadowRays
+from hybrid_rt.integrators.kernels.compaction import ShadowRays, choose_lights
 from hybrid_rt.integrators.shading import NO_RATIO, Shading
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.shading.kernels.bsdf import sample_lobes
@@ -61,7 +61,7 @@ class AllLights(SurfaceLight):
         samples = self._of_each(lights, n)
         if lights.size > MOST_LIGHTS:
             xi = context.sampler.points(pixel, dimension + np.uint64(MOST_LIGHTS), pass_number)
-            samples = self._of_some(lights, xi[:, 0])
+            samples = self._of_some(xi[:, 0])
         if context.plan["sky samples"]:
             samples = itertools.chain(samples, self._of_each(np.array([context.scene.n_lights]), n))
         # Memory is bounded by the block of camera rays: not all lights at once.
@@ -74,15 +74,15 @@ class AllLights(SurfaceLight):
         for light in lights.tolist():
             yield _Sample(light, np.full(n, light, dtype=np.int32), None)
 
-    def _of_some(self, lights: NDArray[np.intp], xi: FloatArray) -> Iterator[_Sample]:
+    def _of_some(self, xi: FloatArray) -> Iterator[_Sample]:
         """Choose `MOST_LIGHTS` lights for each hit by systematic sampling of their power."""
-        chance = self._context.scene.lights.chance[lights]
-        chance = chance / chance.sum()
-        before = np.cumsum(chance)
+        chance = self._context.scene.lights.chance
+        # The sky, which comes last, is sampled for itself.
+        part = self._before[-2] / MOST_LIGHTS
         for k in range(MOST_LIGHTS):
-            row = np.searchsorted(before, (k + xi) / MOST_LIGHTS, side="right")
-            row = np.minimum(row, lights.size - 1)
-            yield _Sample(k, lights[row].astype(np.int32), 1.0 / (MOST_LIGHTS * chance[row]))
+            light_id = np.empty(xi.size, dtype=np.int32)
+            choose_lights(self._before, chance, np.column_stack([(k + xi) * part, xi]), light_id)
+            yield _Sample(k, light_id, part / chance[light_id])
 
     def _add(
         self,
