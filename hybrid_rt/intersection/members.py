@@ -83,8 +83,8 @@ def asked_by_all(size: FloatArray, many: int) -> BoolArray:
 
 def in_order(
     surfaces: Sequence[Surface], many: int
-) -> tuple[NDArray[np.int64], int, Members | None]:
-    """Return the order in which surfaces stand in a table, and what of it is in a tree.
+) -> tuple[NDArray[np.int64], int, list[Members]]:
+    """Return the order in which surfaces stand in a table, and what of it is in trees.
 
     Parameters
     ----------
@@ -99,17 +99,21 @@ def in_order(
         Those first that are asked by all rays.
     n_plain : int
         How many these are.
-    in_tree : Members or None
-        The others.
+    in_trees : list of Members
+        The others, a tree for each frame.
     """
     is_plain = asked_by_all(np.array([surface.size for surface in surfaces]), many)
     order, n_plain = np.argsort(~is_plain, kind="stable"), int(np.count_nonzero(is_plain))
     if n_plain == len(surfaces):
-        return order, n_plain, None
+        return order, n_plain, []
     bounds = np.array([surfaces[k].bounds for k in order[n_plain:]])
     moved = np.array([surfaces[k].moved for k in order[n_plain:]])
     bounds += 2.0 * moved[:, None, None] * np.array([-1.0, 1.0])[:, None]
-    return order, n_plain, _tree_over(bounds, n_plain)
+    groups = in_frames(bounds)
+    begins = n_plain + np.cumsum([0, *map(len, groups)])
+    trees = [_tree_over(bounds[rows], int(n)) for rows, n in zip(groups, begins, strict=False)]
+    order[n_plain:] = order[n_plain:][np.concatenate(groups)]
+    return order, n_plain, trees
 
 
 def _tree_over(bounds: FloatArray, begin: int) -> Members:

@@ -56,15 +56,15 @@ class ClosedForm:
         trimmed, whole = trimmed_of(members), [surface for _, surface in whole_of(members)]
         object_id = np.array([i for i, _ in members], np.int32)
         order, self._n_plain = np.arange(len(members)), len(members)
-        self._in_tree: Members | None = None
+        self._in_trees: list[Members] = []
         if trace_tree is not None:
-            order, self._n_plain, self._in_tree = in_order(whole, many)
+            order, self._n_plain, self._in_trees = in_order(whole, many)
         if trimmed:
             make_table = partial(make_table, trim=trim_of_single([trimmed[k] for k in order]))
         self.table = make_table([whole[k] for k in order], object_id[order])
         self._row_of = np.full(int(object_id.max()) + 1, -1, np.int64)
         self._row_of[object_id[order]] = np.arange(len(object_id))
-        self.alone = "" if trimmed or self._in_tree else alone
+        self.alone = "" if trimmed or self._in_trees else alone
 
     def trace(
         self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
@@ -73,12 +73,12 @@ class ClosedForm:
         del guess
         if self._n_plain:
             self._trace(self.table, self._n_plain, rays, best, any_hit)
-        if self._in_tree is not None:
+        for members in self._in_trees:
             from hybrid_rt.intersection.kernels.search.tree import new_stack
 
             assert self._trace_tree is not None
-            stack = new_stack(self._in_tree.tree)
-            self._trace_tree(self.table, self._in_tree, rays, best, any_hit, stack, work)
+            stack = new_stack(members.tree)
+            self._trace_tree(self.table, members, rays, best, any_hit, stack, work)
 
     def finish(
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
@@ -104,8 +104,7 @@ def closed_forms(kinds: Sequence[Any], kind_of: IntArray, reach: FloatArray) -> 
         The ``rounding_reach`` of each surface.
     """
     names = [getattr(kind, "alone", "") for kind in kinds]
-    # Of surfaces in several frames there are several kinds of one name.
-    if not all(names) or len(set(names)) < len(names):
+    if not all(names):
         return None
     from hybrid_rt.intersection.kernels import closed_forms as kernels
     from hybrid_rt.intersection.kernels.box import box_table

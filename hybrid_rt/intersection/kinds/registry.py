@@ -178,12 +178,9 @@ def make_kinds(surfaces: Sequence[Surface], accuracy: str, pool: Pool) -> Kinds:
 
 
 def _in_frames(members: Members) -> list[Members]:
-    """Sort surfaces of one class into those that share a frame; without frame or tree, all do."""
-    if len(members) == 1 or not all(surface.is_bounded for _, surface in members):
-        return [members]
+    """Sort surfaces of one class into those that share a frame; where only trees have one, all do."""
     _, whole = whole_of(members[:1])[0]
-    many = next((n for of, n in MANY.items() if isinstance(whole, of)), 0)
-    if many and asked_by_all(np.array([surface.size for _, surface in members]), many).all():
+    if len(members) == 1 or not isinstance(whole, BezierPatches | PatchSheet | TriangleMesh):
         return [members]
     bounds = np.array([surface.bounds for _, surface in members])
     return [[members[k] for k in rows] for rows in in_frames(bounds)]

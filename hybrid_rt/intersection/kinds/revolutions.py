@@ -75,7 +75,7 @@ class RevolutionKind:
         self, members: Sequence[tuple[int, SurfaceOfRevolution | TrimmedSurface]], many: int
     ) -> None:
         whole = [surface for _, surface in whole_of(members)]
-        order, self._n_plain, self._in_tree = in_order(whole, many)
+        order, self._n_plain, self._in_trees = in_order(whole, many)
         members = [members[k] for k in order]
         trimmed = trimmed_of(members)
         surfaces: list[tuple[int, SurfaceOfRevolution]] = whole_of(members)
@@ -160,11 +160,9 @@ class RevolutionKind:
         pieces = np.empty(0, np.int32) if guess is None else guess
         t_guess = best.t[: len(pieces)].copy()
         trace_revolutions(table, self._n_plain, rays, pieces, best, any_hit, t_guess, scratch, work)
-        if self._in_tree is not None:
-            stack = new_stack(self._in_tree.tree)
-            trace_revolution_tree(
-                table, self._in_tree, rays, pieces, best, any_hit, scratch, stack, work
-            )
+        for members in self._in_trees:
+            stack = new_stack(members.tree)
+            trace_revolution_tree(table, members, rays, pieces, best, any_hit, scratch, stack, work)
         work[CHANGED] += np.count_nonzero(best.t[: len(pieces)] < t_guess)
 
     def guesses(self, coarse: Coarse, hits: CoarseHits) -> IntArray:
