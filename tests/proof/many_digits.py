@@ -210,8 +210,8 @@ def _torus(surface: Torus) -> Solver:
 
     def solve(_patch: int, _u: float, _v: float, t: float, o: Vector, d: Vector) -> Number:
         w = [a - b for a, b in zip(o, center, strict=True)]
-        x = mpmath.mpf(t)
-        for _ in range(MOST_STEPS):
+
+        def at(x: Number) -> tuple[Number, Number]:
             point = [a + x * b for a, b in zip(w, d, strict=True)]
             height, climb = dot(point, axis), dot(d, axis)
             square, slope = dot(point, point), 2 * dot(point, d)
@@ -219,12 +219,9 @@ def _torus(surface: Torus) -> Solver:
             f = whole**2 - 4 * major**2 * (square - height**2 / dot(axis, axis))
             f_t = 2 * whole * slope
             f_t -= 4 * major**2 * (slope - 2 * height * climb / dot(axis, axis))
-            if f_t == 0:
-                return x if f == 0 else mpmath.nan
-            x -= f / f_t
-            if abs(f) <= SMALL * abs(f_t * x):
-                return x
-        return mpmath.nan
+            return f, f_t
+
+        return _newton(at, t)
 
     return solve
 
@@ -240,8 +237,8 @@ def _asphere(surface: Asphere) -> Solver:
 
     def solve(_patch: int, _u: float, _v: float, t: float, o: Vector, d: Vector) -> Number:
         away = [a - b for a, b in zip(o, center, strict=True)]
-        x = mpmath.mpf(t)
-        for _ in range(MOST_STEPS):
+
+        def at(x: Number) -> tuple[Number, Number]:
             point = [a + x * b for a, b in zip(away, d, strict=True)]
             z, climb = dot(point, axis), dot(d, axis)
             w = dot(point, point) - z**2
@@ -249,15 +246,25 @@ def _asphere(surface: Asphere) -> Solver:
             root = mpmath.sqrt(1 - (1 + conic) * c**2 * w)
             f = z - c * w / (1 + root) - sum(a * w**k for k, a in enumerate(coefficients, 1))
             f_w = c / (2 * root) + sum(k * a * w ** (k - 1) for k, a in enumerate(coefficients, 1))
-            f_t = climb - f_w * rate
-            if f_t == 0 or mpmath.im(root) != 0:
-                return x if f == 0 else mpmath.nan
-            x -= f / f_t
-            if abs(f) <= SMALL * abs(f_t * x):
-                return x
-        return mpmath.nan
+            # Beyond its end the conic goes nowhere.
+            return f, climb - f_w * rate if mpmath.im(root) == 0 else 0
+
+        return _newton(at, t)
 
     return solve
+
+
+def _newton(at: Callable[[Number], tuple[Number, Number]], t: float) -> Number:
+    """Return the root near t of a function that gives its value and slope; nan: there is none."""
+    x = mpmath.mpf(t)
+    for _ in range(MOST_STEPS):
+        f, f_t = at(x)
+        if f_t == 0:
+            return x if f == 0 else mpmath.nan
+        x -= f / f_t
+        if abs(f) <= SMALL * abs(f_t * x):
+            return x
+    return mpmath.nan
 
 
 @_solver.register
