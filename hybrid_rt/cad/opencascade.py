@@ -30,8 +30,8 @@ FACE = np.dtype([
     ("size", "i8", 8), ("at", "i8"), ("reason", "U80"),
 ])  # fmt: skip
 USE = np.dtype([
-    ("face", "i4"), ("wire", "i4"), ("edge", "i4"), ("degenerated", "?"), ("seam", "?"),
-    ("tolerance", "f8"), ("degree", "i4"), ("points", "i4"), ("rational", "?"), ("at", "i8"),
+    ("face", "i4"), ("wire", "i4"), ("edge", "i4"), ("degenerated", "?"), ("reversed", "?"),
+    ("tolerance", "f8"), ("corner", "f8"), ("degree", "i4"), ("points", "i4"), ("rational", "?"), ("at", "i8"),
 ])  # fmt: skip
 # Names that OpenCASCADE makes up.
 INVENTED = ("SOLID", "COMPOUND", "SHELL", "FACE", "COMPSOLID", "ASSEMBLY", "")
@@ -327,8 +327,8 @@ class Extraction:
                 degree, points, weights, knots = _curve2(curve, first, last, is_back)
                 self.uses.append((
                     number, n, edges.Add(edge) + self.n_edges - 1, BRep_Tool.Degenerated_s(edge),
-                    BRep_Tool.IsClosed_s(edge, face), BRep_Tool.Tolerance_s(edge), degree,
-                    len(points), weights is not None,
+                    is_back, BRep_Tool.Tolerance_s(edge), _corner(edge), degree, len(points),
+                    weights is not None,
                     self._keep([points, [] if weights is None else weights, knots]),
                 ))  # fmt: skip
                 uv = [curve.Value(t) for t in np.linspace(first, last, SAMPLES).tolist()]
@@ -407,6 +407,17 @@ def _inside_out(shape: Any, *, sewed: bool) -> Any:
             for face in _found(body, TopAbs_FACE):
                 found.Add(face)
     return found
+
+
+def _corner(edge: Any) -> float:
+    """Return how far, by the file, the ends of an edge may be from where others go on."""
+    from OCP.BRep import BRep_Tool
+    from OCP.TopAbs import TopAbs_VERTEX
+    from OCP.TopoDS import TopoDS
+
+    return max(
+        (BRep_Tool.Tolerance_s(TopoDS.Vertex(v)) for v in _found(edge, TopAbs_VERTEX)), default=0.0
+    )
 
 
 def _name_of(label: Any) -> str:
