@@ -7,10 +7,10 @@ that is left-handed has its axis turned round; where that turns v round, too, th
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -62,19 +62,67 @@ class Raw:
         return self.numbers[:12].reshape(4, 3)
 
 
+Loops: TypeAlias = list[list[Arc]]
+Axes: TypeAlias = tuple[Axis, Axis]
+
+
 @dataclass(frozen=True)
 class Part:
     """A surface that a face, or a part of it, lies on, and how its (u, v) follow from the face's own."""
 
     surface: Surface
-    axes: tuple[Axis, Axis]
-    loops: list[list[Arc]]
+    axes: Axes
+    loops: Loops
     is_turned: bool = False  # whether S_u x S_v is opposite to that of the face
+    moved: tuple[float, float] = (1.0, 0.0)  # by what the face's v was multiplied, and shifted
+    periods: Sequence[float] = (TURN, 0.0)
 
     def trimmed(self, face: Raw) -> TrimmedSurface:
         """Return the part of the surface inside the loops."""
-        made = TrimmedSurface(self.surface, as_curves(self.loops, self.axes), face.gap)
-        return made.flipped() if face.is_reversed != self.is_turned else made
+        surface, loops, axes = self.surface, self.loops, self.axes
+        if face.is_reversed != self.is_turned:
+            # As `TrimmedSurface.flipped` does, at once.
+            loops, axes = FLIPS[surface.flip_of_uv](loops, axes)
+            surface = surface.flipped()
+        return TrimmedSurface(surface, as_curves(loops, axes), face.gap)
+
+    def unit(self, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the surface's u and v of points in the face's own, (n, 2)."""
+        sign, shift = self.moved
+        native = [uv[:, 0], sign * uv[:, 1] + shift]
+        for k, (period, axis) in enumerate(zip(self.periods, self.axes, strict=True)):
+            if period:
+                native[k] = axis.native[0] + (native[k] - axis.native[0]) % period
+        return self.axes[0].to_unit(native[0]), self.axes[1].to_unit(native[1])
+
+    def point(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Return points of the surface; v goes on from segment to segment of a profile."""
+        breaks = self.surface.v_breaks
+        if breaks is None or len(breaks) == 2:
+            return self.surface.point(u, v)
+        k = np.clip(np.searchsorted(breaks, v, side="right") - 1, 0, len(breaks) - 2)
+        return self.surface.point(u, (v - breaks[k]) / (breaks[k + 1] - breaks[k]), k)
+
+
+def _reversed(k: int) -> Callable[[Loops, Axes], tuple[Loops, Axes]]:
+    """Return what runs u (k = 0) or v (k = 1) the other way."""
+    scale = (-1.0, 1.0) if k == 0 else (1.0, -1.0)
+
+    def run(loops: Loops, axes: Axes) -> tuple[Loops, Axes]:
+        turned = axes[k].reversed()
+        both = (turned, axes[1]) if k == 0 else (axes[0], turned)
+        return [[arc.moved(scale, (0, 0)) for arc in loop] for loop in loops], both
+
+    return run
+
+
+def _swapped(loops: Loops, axes: Axes) -> tuple[Loops, Axes]:
+    swapped = [[replace(arc, points=arc.points[:, ::-1]) for arc in loop] for loop in loops]
+    return swapped, (axes[1], axes[0])
+
+
+# By `Surface.flip_of_uv`.
+FLIPS = {"swapped": _swapped, "u reversed": _reversed(0), "v reversed": _reversed(1)}
 
 
 @dataclass(frozen=True)
@@ -101,7 +149,7 @@ def parts_of(face: Raw) -> list[Part]:
     return BUILDERS[face.kind](face)
 
 
-def _loops(face: Raw, *periods: float) -> list[list[Arc]]:
+def _loops(face: Raw, *periods: float) -> Loops:
     loops = closed_loops(face.wires, periods)
     if not loops:
         raise RefusedFaceError("it has no loop of edges")
@@ -120,7 +168,7 @@ def _plane(face: Raw) -> list[Part]:
     (u, v), (far_u, far_v) = extent(loops)
     (u, far_u), (v, far_v) = _padded(u, far_u, face.gap), _padded(v, far_v, face.gap)
     surface = Rectangle(origin + u * x + v * y, (far_u - u) * x, (far_v - v) * y)
-    return [Part(surface, (even_axis(u, far_u), even_axis(v, far_v)), loops)]
+    return [Part(surface, (even_axis(u, far_u), even_axis(v, far_v)), loops, periods=(0.0, 0.0))]
 
 
 def _straight(face: Raw) -> list[Part]:
@@ -129,10 +177,15 @@ def _straight(face: Raw) -> list[Part]:
     sine, cosine = (math.sin(angle), math.cos(angle)) if face.kind == "cone" else (0.0, 1.0)
     loops = _loops(face, TURN, 0.0)
     (_, low), (_, high) = extent(loops)
+    tip = -radius / sine if sine else np.inf
+    rounding = IN_PLANE * (high - low)
+    apex = [tip] if low + rounding < tip < high - rounding else []
+    # What ends at the apex does not go on beyond it.
+    is_below, is_above = tip >= high - rounding, tip <= low + rounding
     low, high = _padded(low, high, face.gap)
-    apex = [-radius / sine] if sine and low < -radius / sine < high else []
+    low, high = (max(low, tip) if is_above else low), (min(high, tip) if is_below else high)
     segments = [
-        Segment(a, b, np.array([[v * cosine, 0.0 if v in apex else radius + v * sine] for v in (a, b)]))
+        Segment(a, b, np.array([[v * cosine, 0.0 if v == tip else radius + v * sine] for v in (a, b)]))
         for a, b in pairwise([low, *apex, high])
     ]
     return _turned(face, loops, *_axis_of(face.frame), segments)
@@ -156,7 +209,7 @@ def _ball(
     """Return a sphere whose latitude is v times a sign, shifted."""
     loops = [[a.moved((1, sign), (0, shift)) for a in loop] for loop in _loops(face, TURN, 0.0)]
     axes = even_axis(0.0, TURN), even_axis(-0.25 * TURN, 0.25 * TURN)
-    return [Part(Sphere(origin, radius, axis, x), axes, loops, sign < 0.0)]
+    return [Part(Sphere(origin, radius, axis, x), axes, loops, sign < 0.0, (sign, shift))]
 
 
 def _torus(face: Raw) -> list[Part]:
@@ -172,7 +225,8 @@ def _ring(
     loops = [[a.moved((1, sign), (0, shift)) for a in loop] for loop in _loops(face, TURN, TURN)]
     if minor < major:
         axes = even_axis(0.0, TURN), even_axis(0.0, TURN)
-        return [Part(Torus(origin, axis, major, minor, x), axes, loops, sign < 0.0)]
+        ring = Torus(origin, axis, major, minor, x)
+        return [Part(ring, axes, loops, sign < 0.0, (sign, shift), (TURN, TURN))]
     # Both of its sheets, each to where it meets the axis.
     frame = np.array([[0.0, major], [0.0, 1.0], [1.0, 0.0]])
     apex = math.acos(-major / minor)
@@ -180,7 +234,7 @@ def _ring(
     ends = [(2 * k + s) * 0.5 * TURN - s * (0.5 * TURN - apex) for k in range(-2, 3) for s in (-1, 1)]
     ends = sorted(e for e in ends if low < e < high)
     segments = conic_arcs(frame, (minor, minor), [low, *ends, high], ELLIPSE)
-    return _turned(face, loops, origin, axis, x, 1.0, segments, sign < 0.0)
+    return _turned(face, loops, origin, axis, x, 1.0, segments, sign < 0.0, (sign, shift))
 
 
 def conic_arcs(
@@ -265,8 +319,8 @@ def _turned_circle(face: Raw, origin: FloatArray, axis: FloatArray, x: FloatArra
 
 
 def _turned(
-    face: Raw, loops: list[list[Arc]], origin: FloatArray, axis: FloatArray, x: FloatArray, sign: float,
-    segments: list[Segment], is_turned: bool = False,
+    face: Raw, loops: Loops, origin: FloatArray, axis: FloatArray, x: FloatArray, sign: float,
+    segments: list[Segment], is_turned: bool = False, moved: tuple[float, float] = (1.0, 0.0),
 ) -> list[Part]:  # fmt: skip
     """Return the surfaces of a turned profile: one for each run of radii of one sign."""
     size = max(float(np.abs(s.points).max()) for s in segments)
@@ -293,12 +347,13 @@ def _turned(
             weights if any(w is not None for w in weights) else None, part,
         )  # fmt: skip
         breaks = np.array([run[0].begin, *(s.end for s in run)])
-        v = Axis(breaks, surface.v_breaks, tuple(s.bend for s in run))
-        found.append(Part(surface, (u, v), loops, is_turned))
+        is_even = len(run) == 1 and run[0].bend[0] == SPLINE
+        v = Axis(breaks, surface.v_breaks, () if is_even else tuple(s.bend for s in run))
+        found.append(Part(surface, (u, v), loops, is_turned, moved))
     return found
 
 
-def _turn(loops: list[list[Arc]], gap: float) -> tuple[Axis, tuple[float, float]]:
+def _turn(loops: Loops, gap: float) -> tuple[Axis, tuple[float, float]]:
     """Return the axis of an azimuth, and the part of a turn that loops need."""
     (low, _), (high, _) = extent(loops)
     low, high = (x / TURN for x in _padded(low, high, gap))
@@ -325,12 +380,12 @@ def _extrusion(face: Raw) -> list[Part]:
     if spline is not None:
         return _sheet(face, net, heavy, whole, (degree, 1))
     # Between breaks the parameter of the arcs is not the angle.
-    loops = closed_loops(face.wires, (TURN if face.size[0] == ELLIPSE else 0.0, 0.0))
-    if face.size[0] == ELLIPSE:
-        loops = gathered(loops, (TURN, 0.0), (0.5 * (breaks[0] + breaks[-1]) - 0.5 * TURN, 0.0))
+    periods = TURN if face.size[0] == ELLIPSE else 0.0, 0.0
+    begin = 0.5 * (breaks[0] + breaks[-1]) - 0.5 * TURN, 0.0
+    loops = gathered(closed_loops(face.wires, periods), periods, begin)
     share = (breaks - breaks[0]) / (breaks[-1] - breaks[0])
     axes = Axis(breaks, share, tuple(s.bend for s in segments)), even_axis(low, high)
-    return [Part(NurbsSurface(net, *whole, (2, 1), heavy), axes, loops)]
+    return [Part(NurbsSurface(net, *whole, (2, 1), heavy), axes, loops, periods=periods)]
 
 
 def _spline(face: Raw) -> list[Part]:
@@ -359,7 +414,7 @@ def _sheet(
             net, weights, knots[axis] = _shortened(net, weights, knots[axis], degree, axis, low, high)
     ends = [(k[d], k[len(k) - d - 1]) for k, d in zip(knots, degrees, strict=True)]
     surface = NurbsSurface(net, *knots, degrees, weights)
-    return [Part(surface, (even_axis(*ends[0]), even_axis(*ends[1])), loops)]
+    return [Part(surface, (even_axis(*ends[0]), even_axis(*ends[1])), loops, periods=periods)]
 
 
 def _closed(

@@ -72,13 +72,17 @@ class Axis:
         image: FloatArray = np.where(share == 1.0, high, low + share * (high - low))
         return image
 
+    def reversed(self) -> Axis:
+        """Return the axis of minus the native parameter, to 1 minus the unit one."""
+        bends = tuple((form, -middle, half) for form, middle, half in self.bends[::-1])
+        return Axis(-self.native[::-1], 1.0 - self.unit[::-1], bends)
+
     def within(self, low: float, high: float) -> Axis:
         """Return the axis with a segment more on each side, to where loops may reach."""
-        outer = OUTSIDE if self.unit[0] < self.unit[-1] else OUTSIDE[::-1]
         none = (SPLINE, 0.0, 0.0)
         bends = (none, *(self.bends or (none,) * (len(self.unit) - 1)), none)
         native = np.concatenate([[low], self.native, [high]])
-        return Axis(native, np.concatenate([outer[:1], self.unit, outer[1:]]), bends)
+        return Axis(native, np.concatenate([OUTSIDE[:1], self.unit, OUTSIDE[1:]]), bends)
 
 
 def even_axis(low: float, high: float) -> Axis:
@@ -170,15 +174,14 @@ def gathered(
 
 def as_curves(loops: Sequence[Sequence[Arc]], axes: tuple[Axis, Axis]) -> list[list[Curve2]]:
     """Return loops in the unit square of a surface."""
-    is_even = [len(axis.native) == 2 and not axis.bends for axis in axes]
-    if all(is_even):
-        low = np.array([axis.native[0] for axis in axes])
-        high = np.array([axis.native[1] for axis in axes])
+    low = np.array([axis.native[0] for axis in axes])
+    high = np.array([axis.native[-1] for axis in axes])
+    far = (extent(loops) - low) / (high - low)
+    fits = far.min() >= OUTSIDE[0] and far.max() <= OUTSIDE[1]
+    if fits and all(len(axis.native) == 2 and not axis.bends for axis in axes):
         return [[c for arc in loop for c in _arcs(arc, low, high)] for loop in loops]
     # First evenly to the square that holds both loops and surface, then as the axes have it.
-    low, high = extent(loops)
-    low = np.minimum(low, [axis.native[0] for axis in axes])
-    high = np.maximum(high, [axis.native[-1] for axis in axes])
+    low, high = np.minimum(low, extent(loops)[0]), np.maximum(high, extent(loops)[1])
     low, high = low - 1e-3 * (high - low), high + 1e-3 * (high - low)
     found = []
     for loop in loops:

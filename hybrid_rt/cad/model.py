@@ -34,6 +34,8 @@ FACE = np.dtype([
 ])  # fmt: skip
 # Points of a surface are those of OpenCASCADE up to this part of the size of what they are on, or it is refused.
 AGREES = 1e-6
+# Of the samples of an edge every such one is looked at; their (u, v) are rounded.
+CHECKED, ROUNDING = 16, 1e-9
 # A gap below this part of a part's size is rounding: where edges agree to so much, both faces are widened by it.
 LEAST_GAP = 1e-9
 # How many gaps a report lists, and how many refused faces a message.
@@ -355,4 +357,13 @@ def _wires(uses: NDArray[Any], numbers: FloatArray, xyz: FloatArray) -> list[lis
 
 def _off(parts: list[Part], uv: FloatArray, xyz: FloatArray) -> float:
     """Return how far points of a face's edges are from those of its surfaces, at most."""
-    return 0.0
+    uv, xyz = uv[:, ::CHECKED].reshape(-1, 2), xyz[:, ::CHECKED].reshape(-1, 3)
+    off, is_seen = 0.0, np.zeros(len(uv), np.bool_)
+    for part in parts:  # of a face of several parts each has some of the points
+        u, v = part.unit(uv)
+        here = (u >= -ROUNDING) & (u <= 1.0 + ROUNDING) & (v >= -ROUNDING) & (v <= 1.0 + ROUNDING)
+        if here.any():
+            at = part.point(np.clip(u[here], 0.0, 1.0), np.clip(v[here], 0.0, 1.0))
+            off = max(off, float(np.linalg.norm(at - xyz[here], axis=1).max()))
+            is_seen |= here
+    return off if is_seen.all() else np.inf
