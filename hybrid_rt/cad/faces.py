@@ -234,7 +234,7 @@ def _ring(
     ends = [(2 * k + s) * 0.5 * TURN - s * (0.5 * TURN - apex) for k in range(-2, 3) for s in (-1, 1)]
     ends = sorted(e for e in ends if low < e < high)
     segments = conic_arcs(frame, (minor, minor), [low, *ends, high], ELLIPSE)
-    return _turned(face, loops, origin, axis, x, 1.0, segments, sign < 0.0, (sign, shift))
+    return _turned(face, loops, origin, axis, x, 1.0, segments, sign < 0.0, (sign, shift), TURN)
 
 
 def conic_arcs(
@@ -321,6 +321,7 @@ def _turned_circle(face: Raw, origin: FloatArray, axis: FloatArray, x: FloatArra
 def _turned(
     face: Raw, loops: Loops, origin: FloatArray, axis: FloatArray, x: FloatArray, sign: float,
     segments: list[Segment], is_turned: bool = False, moved: tuple[float, float] = (1.0, 0.0),
+    period: float = 0.0,
 ) -> list[Part]:  # fmt: skip
     """Return the surfaces of a turned profile: one for each run of radii of one sign."""
     size = max(float(np.abs(s.points).max()) for s in segments)
@@ -349,7 +350,7 @@ def _turned(
         breaks = np.array([run[0].begin, *(s.end for s in run)])
         is_even = len(run) == 1 and run[0].bend[0] == SPLINE
         v = Axis(breaks, surface.v_breaks, () if is_even else tuple(s.bend for s in run))
-        found.append(Part(surface, (u, v), loops, is_turned, moved))
+        found.append(Part(surface, (u, v), loops, is_turned, moved, (TURN, period)))
     return found
 
 

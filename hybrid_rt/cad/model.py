@@ -259,7 +259,8 @@ def _model_of(arrays: dict[str, Any]) -> CadModel:
         mine = (uses["face"] >= begin) & (uses["face"] < end)
         points = [xyz[mine].reshape(-1, 3), *(bounds[k] for k in range(begin, end))]
         corners = np.concatenate(points) @ matrix[:3, :3].T + matrix[:3, 3]
-        boxes.append([corners.min(axis=0), corners.max(axis=0)])
+        if len(corners):
+            boxes.append([corners.min(axis=0), corners.max(axis=0)])
         here = (shared.face[:, 0] >= begin) & (shared.face[:, 0] < end)
         largest = np.flatnonzero(here)[np.argsort(-shared.gap[here], kind="stable")[:LISTED]]
         pairs += [
@@ -285,7 +286,7 @@ def _model_of(arrays: dict[str, Any]) -> CadModel:
         "free_edges": int(faces["free_edges"].sum()), "refused": refused,
         "wires": head["wires"], "points": head["points"],
     }  # fmt: skip
-    box = np.array(boxes)
+    box = np.array(boxes or [np.zeros((2, 3))])
     return CadModel(
         surfaces, np.array(owner, np.int32), parts, faces, report,
         np.stack([box[:, 0].min(axis=0), box[:, 1].max(axis=0)]),

@@ -453,10 +453,12 @@ def _radii(surface: Any, kind: str) -> list[float]:
 
 def _range(face: Any, *, v: bool) -> list[float]:
     """Return where the trimmed part of a face begins and ends in u, or in v."""
-    from OCP.BRepTools import BRepTools
+    from OCP.BRepAdaptor import BRepAdaptor_Surface
 
-    low_u, high_u, low_v, high_v = BRepTools.UVBounds_s(face, 0.0, 0.0, 0.0, 0.0)
-    return [low_v, high_v] if v else [low_u, high_u]
+    at = BRepAdaptor_Surface(face, True)
+    return (
+        [at.FirstVParameter(), at.LastVParameter()] if v else [at.FirstUParameter(), at.LastUParameter()]
+    )
 
 
 def _net_of(spline: Any) -> tuple[list[int], list[Any]]:
