@@ -25,6 +25,7 @@ from hybrid_rt.cad.loops import (
     even_axis,
     extent,
     gathered,
+    halved,
 )
 from hybrid_rt.primitives import Rectangle, Sphere
 from hybrid_rt.primitives.torus import Torus
@@ -41,6 +42,8 @@ BEYOND, GAPS = 1e-6, 4.0
 NEARLY_WHOLE = 0.98
 # A profile is in one plane with its axis, and borders of a spline meet, up to this of its size.
 IN_PLANE, MEETING = 1e-10, 1e-12
+# Radii up to this part of a profile are on its axis.
+NEEDLE = 1e-7
 # Arcs of conics are at most so long, in radians (or in the hyperbolic angle).
 LONGEST_ARC = 0.5 * math.pi
 
@@ -92,7 +95,8 @@ class Part:
         native = [uv[:, 0], sign * uv[:, 1] + shift]
         for k, (period, axis) in enumerate(zip(self.periods, self.axes, strict=True)):
             if period:
-                native[k] = axis.native[0] + (native[k] - axis.native[0]) % period
+                lowest = axis.native[0] - IN_PLANE
+                native[k] = lowest + (native[k] - lowest) % period
         return self.axes[0].to_unit(native[0]), self.axes[1].to_unit(native[1])
 
     def point(self, u: FloatArray, v: FloatArray) -> FloatArray:
@@ -133,7 +137,7 @@ class Segment:
     end: float
     points: FloatArray  # (n + 1, 3) in space, or (n + 1, 2): position along an axis, and radius
     weights: FloatArray | None = None
-    bend: tuple[int, float, float] = (SPLINE, 0.0, 0.0)
+    bend: tuple[int, float] = (SPLINE, 0.0)
 
 
 def parts_of(face: Raw) -> list[Part]:
@@ -149,11 +153,16 @@ def parts_of(face: Raw) -> list[Part]:
     return BUILDERS[face.kind](face)
 
 
-def _loops(face: Raw, *periods: float) -> Loops:
+def _loops(
+    face: Raw, *periods: float, moved: tuple[float, float] = (1.0, 0.0), lowest: float = 0.0
+) -> Loops:
+    """Return closed loops, v multiplied and shifted, in the first period of u and of v from ``lowest`` on."""
     loops = closed_loops(face.wires, periods)
     if not loops:
         raise RefusedFaceError("it has no loop of edges")
-    return gathered(loops, periods)
+    scale, shift = (1.0, moved[0]), (0.0, moved[1])
+    loops = [[arc.moved(scale, shift) for arc in loop] for loop in loops]
+    return gathered(loops, periods, (0.0, lowest))
 
 
 def _padded(low: float, high: float, gap: float) -> tuple[float, float]:
@@ -177,17 +186,13 @@ def _straight(face: Raw) -> list[Part]:
     sine, cosine = (math.sin(angle), math.cos(angle)) if face.kind == "cone" else (0.0, 1.0)
     loops = _loops(face, TURN, 0.0)
     (_, low), (_, high) = extent(loops)
-    tip = -radius / sine if sine else np.inf
-    rounding = IN_PLANE * (high - low)
-    apex = [tip] if low + rounding < tip < high - rounding else []
+    tip, rounding = -radius / sine if sine else np.inf, IN_PLANE * (high - low)
     # What ends at the apex does not go on beyond it.
     is_below, is_above = tip >= high - rounding, tip <= low + rounding
     low, high = _padded(low, high, face.gap)
     low, high = (max(low, tip) if is_above else low), (min(high, tip) if is_below else high)
-    segments = [
-        Segment(a, b, np.array([[v * cosine, 0.0 if v == tip else radius + v * sine] for v in (a, b)]))
-        for a, b in pairwise([low, *apex, high])
-    ]
+    points = [[v * cosine, 0.0 if v == tip else radius + v * sine] for v in (low, high)]
+    segments = [Segment(low, high, np.array(points))]
     return _turned(face, loops, *_axis_of(face.frame), segments)
 
 
@@ -207,9 +212,10 @@ def _ball(
     face: Raw, origin: FloatArray, axis: FloatArray, x: FloatArray, radius: float, sign: float, shift: float
 ) -> list[Part]:
     """Return a sphere whose latitude is v times a sign, shifted."""
-    loops = [[a.moved((1, sign), (0, shift)) for a in loop] for loop in _loops(face, TURN, 0.0)]
+    loops = _loops(face, TURN, TURN, moved=(sign, shift), lowest=-0.5 * TURN)
     axes = even_axis(0.0, TURN), even_axis(-0.25 * TURN, 0.25 * TURN)
-    return [Part(Sphere(origin, radius, axis, x), axes, loops, sign < 0.0, (sign, shift))]
+    ball = Sphere(origin, radius, axis, x)
+    return [Part(ball, axes, loops, sign < 0.0, (sign, shift), (TURN, TURN))]
 
 
 def _torus(face: Raw) -> list[Part]:
@@ -222,25 +228,22 @@ def _ring(
     sign: float, shift: float,
 ) -> list[Part]:  # fmt: skip
     """Return a torus whose angle about the tube is v times a sign, shifted."""
-    loops = [[a.moved((1, sign), (0, shift)) for a in loop] for loop in _loops(face, TURN, TURN)]
+    loops = _loops(face, TURN, TURN, moved=(sign, shift))
     if minor < major:
         axes = even_axis(0.0, TURN), even_axis(0.0, TURN)
         ring = Torus(origin, axis, major, minor, x)
         return [Part(ring, axes, loops, sign < 0.0, (sign, shift), (TURN, TURN))]
-    # Both of its sheets, each to where it meets the axis.
+    # Its profile crosses the axis.
     frame = np.array([[0.0, major], [0.0, 1.0], [1.0, 0.0]])
-    apex = math.acos(-major / minor)
     (_, low), (_, high) = extent(loops)
-    ends = [(2 * k + s) * 0.5 * TURN - s * (0.5 * TURN - apex) for k in range(-2, 3) for s in (-1, 1)]
-    ends = sorted(e for e in ends if low < e < high)
-    segments = conic_arcs(frame, (minor, minor), [low, *ends, high], ELLIPSE)
+    segments = conic_arcs(frame, (minor, minor), low, high, ELLIPSE)
     return _turned(face, loops, origin, axis, x, 1.0, segments, sign < 0.0, (sign, shift), TURN)
 
 
 def conic_arcs(
-    frame: FloatArray, radii: tuple[float, float], ends: Sequence[float], form: int
+    frame: FloatArray, radii: tuple[float, float], low: float, high: float, form: int
 ) -> list[Segment]:
-    """Return arcs of a conic, centre and two axes given, that begin and end at ``ends`` at least."""
+    """Return rational arcs of a conic, given by its centre and two axes."""
     center, x, y = frame[0], radii[0] * frame[1], radii[1] * frame[2]
     cosine, sine = (math.cos, math.sin) if form == ELLIPSE else (math.cosh, math.sinh)
 
@@ -249,13 +252,12 @@ def conic_arcs(
         return point
 
     found = []
-    for low, high in pairwise(ends):
-        n = max(math.ceil((high - low) / LONGEST_ARC - 1e-9), 1)
-        for a, b in pairwise(np.linspace(low, high, n + 1).tolist()):
-            middle, half = 0.5 * (a + b), 0.5 * (b - a)
-            w = cosine(half)
-            points = np.stack([place(a), place(middle, w), place(b)])
-            found.append(Segment(a, b, points, np.array([1.0, w, 1.0]), (form, middle, half)))
+    n = max(math.ceil((high - low) / LONGEST_ARC - 1e-9), 1)
+    for a, b in pairwise(np.linspace(low, high, n + 1).tolist()):
+        middle = 0.5 * (a + b)
+        w = cosine(0.5 * (b - a))
+        points = np.stack([place(a), place(middle, w), place(b)])
+        found.append(Segment(a, b, points, np.array([1.0, w, 1.0]), (form, middle)))
     return found
 
 
@@ -265,7 +267,7 @@ def _profile(face: Raw, begin: int) -> tuple[list[Segment], Any]:
     first, last = numbers[:2].tolist()
     if form != SPLINE:
         frame, radii = numbers[2:14].reshape(4, 3), (float(numbers[14]), float(numbers[15]))
-        return conic_arcs(frame[:3], radii, [first, last], form), None
+        return conic_arcs(frame[:3], radii, first, last, form), None
     degree, n, is_rational = face.size[1:4]
     points, rest = numbers[2 : 2 + 3 * n].reshape(n, 3), numbers[2 + 3 * n :]
     weights = rest[:n] if is_rational else None
@@ -326,11 +328,9 @@ def _turned(
     """Return the surfaces of a turned profile: one for each run of radii of one sign."""
     size = max(float(np.abs(s.points).max()) for s in segments)
     runs: list[tuple[int, list[Segment]]] = []
-    for s in segments:
+    for s in [piece for whole in segments for piece in _cut_at_axis(whole)]:
         radii = np.where(np.abs(s.points[:, 1]) <= IN_PLANE * size, 0.0, s.points[:, 1])
         side = 1 if radii.max() >= -radii.min() else -1
-        if (side * radii < 0.0).any() and s.weights is None:
-            raise RefusedFaceError("its profile crosses its axis")
         points = np.column_stack([sign * s.points[:, 0], side * radii])
         if not runs or runs[-1][0] != side:
             runs.append((side, []))
@@ -338,8 +338,8 @@ def _turned(
     found = []
     for side, run in runs:
         largest = max(float(s.points[:, 1].max()) for s in run)
-        if largest == 0.0:
-            continue
+        if largest <= NEEDLE * size:
+            continue  # where a profile that ends at the axis goes beyond it
         u, part = _turn(loops, face.gap / largest)
         weights = [s.weights for s in run]
         # A negative radius is a positive one on the other side.
@@ -352,6 +352,35 @@ def _turned(
         v = Axis(breaks, surface.v_breaks, () if is_even else tuple(s.bend for s in run))
         found.append(Part(surface, (u, v), loops, is_turned, moved, (TURN, period)))
     return found
+
+
+def _cut_at_axis(s: Segment) -> list[Segment]:
+    """Return the parts of a piece of a profile on either side of the axis that it crosses."""
+    radii = s.points[:, 1]
+    if not radii[0] * radii[-1] < 0.0:
+        return [s]
+    if min(abs(radii[0]), abs(radii[-1])) <= NEEDLE * np.abs(radii).max():
+        points = s.points.copy()  # it was meant to end there
+        points[0 if abs(radii[0]) < abs(radii[-1]) else -1, 1] = 0.0
+        return [replace(s, points=points)]
+    w = np.ones(len(radii)) if s.weights is None else s.weights
+    net = np.column_stack([s.points * w[:, None], w])
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        at = 0.5 * (low + high)
+        one, other = halved(net, at)
+        low, high = (at, high) if one[-1, 1] * radii[0] > 0.0 else (low, at)
+    one[-1, 1] = other[0, 1] = 0.0
+    v = s.begin + at * (s.end - s.begin)
+    form, middle = s.bend
+    if form != SPLINE:
+        of, back = (math.tan, math.atan) if form == ELLIPSE else (math.tanh, math.atanh)
+        ends = of(0.5 * (s.begin - middle)), of(0.5 * (s.end - middle))
+        v = middle + 2.0 * back(ends[0] + at * (ends[1] - ends[0]))
+    return [
+        Segment(a, b, part[:, :2] / part[:, 2:], None if s.weights is None else part[:, 2], s.bend)
+        for a, b, part in ((s.begin, v, one), (v, s.end, other))
+    ]
 
 
 def _turn(loops: Loops, gap: float) -> tuple[Axis, tuple[float, float]]:

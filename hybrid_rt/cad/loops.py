@@ -47,12 +47,12 @@ class Axis:
     """How a parameter of a face becomes u or v of a surface, from 0 to 1.
 
     Between ``native`` breaks it grows from one ``unit`` break to the next, evenly or, where ``bends`` says
-    so, as the parameter of a rational arc does: (form, middle, half width).
+    so, as the parameter of a rational arc of a conic does: (form, angle at its middle).
     """
 
     native: FloatArray
     unit: FloatArray
-    bends: tuple[tuple[int, float, float], ...] = ()
+    bends: tuple[tuple[int, float], ...] = ()
 
     def to_unit(self, x: FloatArray) -> FloatArray:
         """Return the unit parameter of native ones, beyond the ends as outside the surface."""
@@ -64,22 +64,23 @@ class Axis:
         begin, end = self.native[segment], self.native[np.asarray(segment) + 1]
         low, high = self.unit[segment], self.unit[np.asarray(segment) + 1]
         share = np.asarray((x - begin) / (end - begin))
-        for k, (form, middle, half) in enumerate(self.bends):
+        for k, (form, middle) in enumerate(self.bends):
             here = (np.asarray(segment) == k) & (share > 0.0) & (share < 1.0)
             if form != SPLINE and here.any():
                 of = np.tan if form == ELLIPSE else np.tanh
-                share[here] = 0.5 + 0.5 * of(0.5 * (x[here] - middle)) / of(0.5 * half)
+                first, last = of(0.5 * (self.native[k : k + 2] - middle))
+                share[here] = (of(0.5 * (x[here] - middle)) - first) / (last - first)
         image: FloatArray = np.where(share == 1.0, high, low + share * (high - low))
         return image
 
     def reversed(self) -> Axis:
         """Return the axis of minus the native parameter, to 1 minus the unit one."""
-        bends = tuple((form, -middle, half) for form, middle, half in self.bends[::-1])
+        bends = tuple((form, -middle) for form, middle in self.bends[::-1])
         return Axis(-self.native[::-1], 1.0 - self.unit[::-1], bends)
 
     def within(self, low: float, high: float) -> Axis:
         """Return the axis with a segment more on each side, to where loops may reach."""
-        none = (SPLINE, 0.0, 0.0)
+        none = (SPLINE, 0.0)
         bends = (none, *(self.bends or (none,) * (len(self.unit) - 1)), none)
         native = np.concatenate([[low], self.native, [high]])
         return Axis(native, np.concatenate([OUTSIDE[:1], self.unit, OUTSIDE[1:]]), bends)
@@ -290,15 +291,19 @@ def _where(curve: Curve2, k: int, value: float, a: float, b: float, rises: bool)
 
 def _halves(curve: Curve2, s: float, k: int, value: float) -> tuple[Curve2, Curve2]:
     """Return both parts of a curve cut at s, where coordinate k is ``value``."""
-    row = curve.homogeneous()
+    parts = []
+    for side, end in zip(halved(curve.homogeneous(), s), (-1, 0), strict=True):
+        points = side[:, :2] / side[:, 2:]
+        points[end, k] = value
+        parts.append(Curve2(points, None if curve.weights is None else side[:, 2]))
+    return parts[0], parts[1]
+
+
+def halved(row: FloatArray, s: float) -> tuple[FloatArray, FloatArray]:
+    """Return the Bezier points of both parts of a curve cut at s."""
     left, right = [row[0]], [row[-1]]
     while len(row) > 1:
         row = (1.0 - s) * row[:-1] + s * row[1:]
         left.append(row[0])
         right.append(row[-1])
-    parts = []
-    for side, end in ((np.array(left), -1), (np.array(right[::-1]), 0)):
-        points = side[:, :2] / side[:, 2:]
-        points[end, k] = value
-        parts.append(Curve2(points, None if curve.weights is None else side[:, 2]))
-    return parts[0], parts[1]
+    return np.array(left), np.array(right[::-1])
