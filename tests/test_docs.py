@@ -49,7 +49,9 @@ def test_site_leads_to_every_page():
     index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
     listed = set(re.findall(r"^[\w/]+$", index, re.MULTILINE))
     texts = {page: page.read_text(encoding="utf-8") for page in DOCS}
-    appendices = {page for page, text in texts.items() if text.startswith("---\norphan: true\n---\n")}
+    appendices = {
+        page for page, text in texts.items() if text.startswith("---\norphan: true\n---\n")
+    }
     pages = {page.relative_to(ROOT / "docs") for page in set(DOCS) - appendices}
     assert {page.with_suffix("").as_posix() for page in pages} - {"index"} == listed
     assert all(any(f"({page.name})" in text for text in texts.values()) for page in appendices)
