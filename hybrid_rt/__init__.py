@@ -12,6 +12,7 @@ from hybrid_rt._version import __version__
 _HOMES = {
     "Asphere": "primitives.asphere",
     "Box": "primitives",
+    "CadModel": "cad",
     "Camera": "sensor.camera",
     "CheckerTexture": "textures",
     "Crossings": "intersection.crossings",
@@ -51,6 +52,7 @@ _HOMES = {
     "Torus": "primitives.torus",
     "TriangleMesh": "primitives",
     "progress_bar": "rendering.progress_bar",
+    "read_cad": "cad",
     "reflect": "shading.snell",
     "reflectance": "shading.snell",
     "refract": "shading.snell",

@@ -95,7 +95,7 @@ class Part:
         native = [uv[:, 0], sign * uv[:, 1] + shift]
         for k, (period, axis) in enumerate(zip(self.periods, self.axes, strict=True)):
             if period:
-                lowest = axis.native[0] - IN_PLANE
+                lowest = axis.native[0] - NEEDLE
                 native[k] = lowest + (native[k] - lowest) % period
         return self.axes[0].to_unit(native[0]), self.axes[1].to_unit(native[1])
 

@@ -35,7 +35,7 @@ FACE = np.dtype([
 # Points of a surface are those of OpenCASCADE up to this part of the size of what they are on, or it is refused.
 AGREES = 1e-6
 # Of the samples of an edge every such one is looked at; their (u, v) are rounded.
-CHECKED, ROUNDING = 16, 1e-9
+CHECKED, ROUNDING = 16, 1e-7
 # A gap below this part of a part's size is rounding: where edges agree to so much, both faces are widened by it.
 LEAST_GAP = 1e-9
 # How many gaps a report lists, and how many refused faces a message.

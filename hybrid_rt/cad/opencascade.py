@@ -75,8 +75,10 @@ def read(path: str, asked: str) -> tuple[Any, str, float]:
         raise RefusedFileError(f"holds no {'STEP' if kind[1] == 's' else 'IGES'} data that can be read")
     unit = _unit_of(reader, kind) if asked == "file" else asked
     if kind[1] == "s":
-        # Only between reading and transfer: lengths would be in mm otherwise.
-        reader.ChangeReader().SetSystemLengthUnit(MM[unit])
+        from OCP.XCAFDoc import XCAFDoc_DocumentTool
+
+        # In metres; the transfer asks the document.
+        XCAFDoc_DocumentTool.SetLengthUnit_s(document, 1e-3 * MM[unit])
     if not reader.Transfer(document):
         raise RefusedFileError("holds nothing that OpenCASCADE makes a shape of")
     return document, unit, 1.0 if kind[1] == "s" else 1.0 / MM[unit]
