@@ -570,13 +570,13 @@ def main(path: str, out: str, options: str) -> int:
             )
         found.save(out, unit)
     except RefusedFileError as error:
-        sys.stdout.write(error.args[0])
+        sys.stdout.write(f"\n{error.args[0]}")  # OpenCASCADE may have said something before
         return 4
     except MemoryError:
-        sys.stdout.write("needs more memory than memory= allows")
+        sys.stdout.write("\nneeds more memory to read than gigabytes= allows")
         return 4
     except ModuleNotFoundError as error:
-        sys.stdout.write(f"{error}")
+        sys.stdout.write(f"\n{error}")
         return 5
     return 0
 

@@ -59,7 +59,7 @@ def arrays_of(file: Path, options: dict[str, Any], seconds: float, gigabytes: fl
             raise TimeoutError(
                 f"{what} takes longer than seconds={seconds:g} to read: pass more, or repair the file"
             ) from None
-        said = ended.stdout.decode("utf-8", "replace").strip()
+        said = ended.stdout.decode("utf-8", "replace").strip().rpartition("\n")[2]
         if ended.returncode == REFUSED:
             raise ValueError(f"{what} {said}")
         if ended.returncode == INCOMPLETE:

@@ -232,3 +232,77 @@ def first_hits(shape, origins, directions):
         if meet.NbPnt():
             t[k] = meet.WParameter(1)
     return t
+
+
+def compound(shapes):
+    """Return shapes as one."""
+    from OCP.BRep import BRep_Builder
+    from OCP.TopoDS import TopoDS_Compound
+
+    whole, build = TopoDS_Compound(), BRep_Builder()
+    build.MakeCompound(whole)
+    for shape in shapes:
+        build.Add(whole, shape)
+    return whole
+
+
+def placed(shape, matrix):
+    """Return the same shape at another place, which may be mirrored: not a copy."""
+    from OCP.TopLoc import TopLoc_Location
+
+    place = gp_Trsf()
+    place.SetValues(*(float(x) for row in matrix[:3] for x in row))
+    return shape.Moved(TopLoc_Location(place), False)
+
+
+def write_assembly(parts, path, unit="MM"):
+    """Write shapes as a STEP assembly: parts are (shape, name, colour, [(name, matrix)])."""
+    from OCP.Interface import Interface_Static
+    from OCP.Quantity import Quantity_Color, Quantity_TypeOfColor
+    from OCP.STEPCAFControl import STEPCAFControl_Writer
+    from OCP.TCollection import TCollection_ExtendedString as Text
+    from OCP.TDataStd import TDataStd_Name
+    from OCP.TDocStd import TDocStd_Document
+    from OCP.TopLoc import TopLoc_Location
+    from OCP.XCAFApp import XCAFApp_Application
+    from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
+
+    document = TDocStd_Document(Text("BinXCAF"))
+    XCAFApp_Application.GetApplication_s().NewDocument(Text("BinXCAF"), document)
+    shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
+    colors = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
+    top = shapes.NewShape()
+    TDataStd_Name.Set_s(top, Text("machine"))
+    for shape, name, color, places in parts:
+        label = shapes.AddShape(shape, False)
+        TDataStd_Name.Set_s(label, Text(name))
+        rgb = Quantity_Color(*color, Quantity_TypeOfColor.Quantity_TOC_RGB)
+        colors.SetColor(label, rgb, XCAFDoc_ColorType.XCAFDoc_ColorSurf)
+        for instance, matrix in places:
+            place = gp_Trsf()
+            place.SetValues(*(float(x) for row in matrix[:3] for x in row))
+            component = shapes.AddComponent(top, label, TopLoc_Location(place))
+            TDataStd_Name.Set_s(component, Text(instance))
+    shapes.UpdateAssemblies()
+    writer = STEPCAFControl_Writer()
+    Interface_Static.SetCVal_s("write.step.unit", unit)
+    writer.Transfer(document)
+    writer.Write(str(path))
+    Interface_Static.SetCVal_s("write.step.unit", "MM")
+    return path
+
+
+def triangles(places, sides):
+    """Return a face that is given by triangles only."""
+    from OCP.BRep import BRep_Builder
+    from OCP.Poly import Poly_Triangle, Poly_Triangulation
+    from OCP.TopoDS import TopoDS_Face
+
+    mesh = Poly_Triangulation(len(places), len(sides), False)
+    for k, place in enumerate(places):
+        mesh.SetNode(k + 1, gp_Pnt(*map(float, place)))
+    for k, side in enumerate(sides):
+        mesh.SetTriangle(k + 1, Poly_Triangle(*(i + 1 for i in side)))
+    face = TopoDS_Face()
+    BRep_Builder().MakeFace(face, mesh)
+    return face
