@@ -93,7 +93,8 @@ def _unit_of(reader: Any, kind: str) -> str:
         reader.ChangeReader().FileUnits(lengths, angles, solid)
         name = lengths.Value(1).ToCString().lower() if lengths.Length() else "mm"
     else:
-        name = reader.IGESModel().GlobalSection().UnitName().ToCString().lower()
+        given = reader.IGESModel().GlobalSection().UnitName()
+        name = "mm" if given is None else given.ToCString().lower()
     return NAMES_OF_UNITS.get(name, "mm")
 
 
