@@ -54,7 +54,9 @@ def theirs_of(file: Path, millimetres: float) -> Any:
 
     def trace(origins: FloatArray, directions: FloatArray) -> FloatArray:
         t = np.full(len(origins), np.inf)
-        for k, (o, d) in enumerate(zip((millimetres * origins).tolist(), directions.tolist(), strict=True)):
+        for k, (o, d) in enumerate(
+            zip((millimetres * origins).tolist(), directions.tolist(), strict=True)
+        ):
             meet.PerformNearest(gp_Lin(gp_Pnt(*o), gp_Dir(*d)), 0.0, 1e100)
             if meet.NbPnt():
                 t[k] = meet.WParameter(1) / millimetres
@@ -65,14 +67,18 @@ def theirs_of(file: Path, millimetres: float) -> Any:
 
 def measured(file: Path, n: int, n_theirs: int) -> dict[str, Any]:
     """Return the figures of a file."""
-    from hybrid_rt.cad.opencascade import MM
+    from hybrid_rt.cad.records import MM
 
     began = time.perf_counter()
     model = read_cad(file, refuse="skip")
     build = time.perf_counter() - began
     tracer = Intersector(model.surfaces, coarse="none", threads=1)
     origins, directions = rays_at(model.bounds, n)
-    trace = theirs_of(file, MM[model.report["unit"]]) if file.suffix.lower() in (".step", ".stp") else None
+    trace = (
+        theirs_of(file, MM[model.report["unit"]])
+        if file.suffix.lower() in (".step", ".stp")
+        else None
+    )
     tracer.intersect(origins[:100], directions[:100])  # kernels are there now
     ours, theirs, found = [], [], None
     for _ in range(ROUNDS):
@@ -110,7 +116,9 @@ def line(row: dict[str, Any]) -> str:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("folder", type=Path)
     parser.add_argument("--rays", type=one_or_more, default=200_000)
     parser.add_argument("--theirs", type=one_or_more, default=2000, help="rays for OpenCASCADE")
@@ -118,7 +126,9 @@ def main() -> None:
     options = parser.parse_args()
     files = sorted(f for f in options.folder.iterdir() if f.suffix.lower() in SUFFIXES)
     if not files:
-        raise ValueError(f"{options.folder} holds no CAD files: pass a folder of {', '.join(SUFFIXES)}")
+        raise ValueError(
+            f"{options.folder} holds no CAD files: pass a folder of {', '.join(SUFFIXES)}"
+        )
     rows: list[dict[str, Any]] = []
     say(HEADER)
     with kept(options.out, lambda: rows):

@@ -1,5 +1,4 @@
-"""CAD files: STEP, IGES and BREP faces as the surfaces that they are."""
+"""CAD files: STEP, IGES and BREP faces as the surfaces that they are.
 
-from hybrid_rt.cad.model import CadModel, CadPart, read_cad
-
-__all__ = ["CadModel", "CadPart", "read_cad"]
+`hybrid_rt.cad.model` has `read_cad`; the process that it starts imports little of this package.
+"""

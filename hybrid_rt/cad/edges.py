@@ -30,7 +30,7 @@ def measured(uses: NDArray[Any], xyz: FloatArray, n_faces: int) -> Edges:
 
     Parameters
     ----------
-    uses : (k,) structured, see `hybrid_rt.cad.opencascade.USE`
+    uses : (k,) structured, see `hybrid_rt.cad.records.USE`
     xyz : (k, samples, 3)
         Points of each use on its own face.
     n_faces : int

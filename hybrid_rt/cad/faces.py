@@ -15,8 +15,6 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from hybrid_rt.cad.loops import (
-    ELLIPSE,
-    SPLINE,
     Arc,
     Axis,
     RefusedFaceError,
@@ -27,6 +25,7 @@ from hybrid_rt.cad.loops import (
     gathered,
     halved,
 )
+from hybrid_rt.cad.records import ELLIPSE, SPLINE
 from hybrid_rt.primitives import Rectangle, Sphere
 from hybrid_rt.primitives.torus import Torus
 from meshing import NurbsSurface, SurfaceOfRevolution, TrimmedSurface
@@ -209,7 +208,13 @@ def _sphere(face: Raw) -> list[Part]:
 
 
 def _ball(
-    face: Raw, origin: FloatArray, axis: FloatArray, x: FloatArray, radius: float, sign: float, shift: float
+    face: Raw,
+    origin: FloatArray,
+    axis: FloatArray,
+    x: FloatArray,
+    radius: float,
+    sign: float,
+    shift: float,
 ) -> list[Part]:
     """Return a sphere whose latitude is v times a sign, shifted."""
     loops = _loops(face, TURN, TURN, moved=(sign, shift), lowest=-0.5 * TURN)
@@ -220,7 +225,8 @@ def _ball(
 
 def _torus(face: Raw) -> list[Part]:
     origin, axis, x, sign = _axis_of(face.frame)
-    return _ring(face, origin, axis, x, *face.numbers[12:14], sign, 0.0)
+    major, minor = face.numbers[12:14].tolist()
+    return _ring(face, origin, axis, x, major, minor, sign, 0.0)
 
 
 def _ring(
@@ -313,7 +319,9 @@ def _turned_circle(face: Raw, origin: FloatArray, axis: FloatArray, x: FloatArra
     radius = float(face.numbers[20])
     major = float((center - origin) @ x)
     at = origin + float((center - origin) @ axis) * axis
-    sign = 1.0 if (to_begin @ x) * (to_quarter @ axis) > (to_begin @ axis) * (to_quarter @ x) else -1.0
+    sign = (
+        1.0 if (to_begin @ x) * (to_quarter @ axis) > (to_begin @ axis) * (to_quarter @ x) else -1.0
+    )
     shift = math.atan2(float(to_begin @ axis), float(to_begin @ x))
     if abs(major) <= IN_PLANE * radius:
         return _ball(face, at, axis, x, radius, sign, shift)
@@ -393,15 +401,17 @@ def _turn(loops: Loops, gap: float) -> tuple[Axis, tuple[float, float]]:
 
 
 def _extrusion(face: Raw) -> list[Part]:
-    direction, ends = face.numbers[:3], face.numbers[3:5].tolist()
+    direction, (low, high) = face.numbers[:3], face.numbers[3:5].tolist()
     segments, spline = _profile(face, 5)
-    low, high = _padded(*ends, face.gap)
+    low, high = _padded(low, high, face.gap)
     if spline is not None:
         degree, points, weights, knots = spline
     else:
         degree = 2
         points = np.concatenate([segments[0].points[:1], *(s.points[1:] for s in segments)])
-        weights = np.concatenate([[1.0], *(s.weights[1:] for s in segments if s.weights is not None)])
+        weights = np.concatenate(
+            [[1.0], *(s.weights[1:] for s in segments if s.weights is not None)]
+        )
         breaks = np.array([segments[0].begin, *(s.end for s in segments)])
         knots = np.concatenate([breaks[:1], np.repeat(breaks, 2), breaks[-1:]])
     net = np.stack([points + low * direction, points + high * direction], axis=1)
@@ -415,7 +425,9 @@ def _extrusion(face: Raw) -> list[Part]:
     loops = gathered(closed_loops(face.wires, periods), periods, begin)
     share = (breaks - breaks[0]) / (breaks[-1] - breaks[0])
     axes = Axis(breaks, share, tuple(s.bend for s in segments)), even_axis(low, high)
-    return [Part(NurbsSurface(net, *whole, (2, 1), heavy), axes, loops, periods=periods)]
+    return [
+        Part(NurbsSurface(net, whole[0], whole[1], (2, 1), heavy), axes, loops, periods=periods)
+    ]
 
 
 def _spline(face: Raw) -> list[Part]:
@@ -441,9 +453,11 @@ def _sheet(
     for axis, degree in enumerate(degrees):
         low, high = extent(loops)[:, axis]
         if not periods[axis] or (low >= begin[axis] and high <= end[axis]):
-            net, weights, knots[axis] = _shortened(net, weights, knots[axis], degree, axis, low, high)
+            net, weights, knots[axis] = _shortened(
+                net, weights, knots[axis], degree, axis, low, high
+            )
     ends = [(k[d], k[len(k) - d - 1]) for k, d in zip(knots, degrees, strict=True)]
-    surface = NurbsSurface(net, *knots, degrees, weights)
+    surface = NurbsSurface(net, knots[0], knots[1], degrees, weights)
     return [Part(surface, (even_axis(*ends[0]), even_axis(*ends[1])), loops, periods=periods)]
 
 

@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from hybrid_rt.cad.records import ELLIPSE, SPLINE
 from meshing import Curve2, bspline
 from meshing.checks import FloatArray
 
-# How a parameter runs along a profile: as that of a spline, or as an angle, or a hyperbolic one, of a conic.
-SPLINE, ELLIPSE, HYPERBOLA = 0, 1, 2
 # Arcs of conics are refitted, where their parameter is bent, to this of the unit square, by this degree.
 FITTED, FIT_DEGREE, MOST_HALVINGS = 1e-13, 9, 12
 HALVINGS = 60
@@ -37,9 +36,9 @@ class Arc:
     ends: FloatArray | None = None  # (2, 3); None: a line that closes a loop
     reach: float = 0.0  # how far, by the file, its ends may be from those of its neighbours
 
-    def moved(self, scale: Sequence[float], shift: Sequence[float]) -> Arc:
+    def moved(self, scale: ArrayLike, shift: ArrayLike) -> Arc:
         """Return the arc with u and v multiplied and shifted."""
-        return replace(self, points=self.points * scale + shift)
+        return replace(self, points=self.points * np.asarray(scale) + np.asarray(shift))
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,8 +14,8 @@ from numpy.typing import NDArray
 from hybrid_rt.cad import edges as edges_of
 from hybrid_rt.cad.faces import BUILDERS, Part, Raw, parts_of
 from hybrid_rt.cad.loops import Arc
-from hybrid_rt.cad.opencascade import KINDS, MM
 from hybrid_rt.cad.process import arrays_of
+from hybrid_rt.cad.records import KINDS, MM
 from hybrid_rt.core import checks
 from hybrid_rt.primitives import TriangleMesh
 from meshing.checks import FloatArray, as_path, number, text_of
@@ -133,14 +132,23 @@ class CadModel:
         ground : bool
             Whether the model stands on a plane.
         """
-        from hybrid_rt import Camera, GradientSky, Lambertian, Object, Rectangle, RectangleLight, Scene
+        from hybrid_rt.lights import GradientSky, RectangleLight
+        from hybrid_rt.materials import Lambertian
+        from hybrid_rt.primitives import Rectangle
+        from hybrid_rt.scene.scene import Object, Scene
+        from hybrid_rt.sensor.camera import Camera
 
         low, high = self.bounds
         middle, size = 0.5 * (low + high), float(np.linalg.norm(high - low))
         way = np.array(look_along, np.float64)
         way /= np.linalg.norm(way)
         camera = Camera(
-            middle - 1.75 * size * way, middle, (0, 0, 1), vertical_fov=32.0, width=width, height=height
+            middle - 1.75 * size * way,
+            middle,
+            (0, 0, 1),
+            vertical_fov=32.0,
+            width=width,
+            height=height,
         )
         made: dict[tuple[float, ...], Material] = {}
         objects = []
@@ -210,7 +218,10 @@ def read_cad(
     for name, value in (("sew", sew), ("approximate", approximate)):
         if value is not None:
             options[name] = number(value, f"read_cad {name}", above=0.0)
-    limits = (number(seconds, "read_cad seconds", above=0.0), number(gigabytes, "read_cad gigabytes", above=0.0))
+    limits = (
+        number(seconds, "read_cad seconds", above=0.0),
+        number(gigabytes, "read_cad gigabytes", above=0.0),
+    )
     arrays = arrays_of(file, options, *limits)
     model = _model_of(arrays)
     if refuse == "error" and (refused := model.report["refused"]):
@@ -231,7 +242,11 @@ def _model_of(arrays: dict[str, Any]) -> CadModel:
     built, reasons, bounds = _built(arrays, gaps)
     surfaces: list[Surface] = []
     owner: list[int] = []
-    parts, rows, boxes, pairs, refused = [], [], [], [], []
+    parts: list[CadPart] = []
+    rows: list[tuple[Any, ...]] = []
+    boxes: list[list[FloatArray]] = []
+    pairs: list[dict[str, Any]] = []
+    refused: list[dict[str, Any]] = []
     first = 0
     for placed in head["placed"]:
         begin, end = head["shapes"][placed["shape"]]["faces"]
@@ -277,7 +292,9 @@ def _model_of(arrays: dict[str, Any]) -> CadModel:
         first += end - begin
     faces = np.array(rows, FACE)
     counts: dict[str, dict[str, int]] = {}
-    for (kind, exactness), n in Counter(zip(faces["kind"].tolist(), faces["exactness"].tolist(), strict=True)).items():
+    for (kind, exactness), n in Counter(
+        zip(faces["kind"].tolist(), faces["exactness"].tolist(), strict=True)
+    ).items():
         counts.setdefault(kind, {})[exactness] = n
     report = {
         "unit": head["unit"], "parts": len(parts), "shapes": len({part.shape for part in parts}),
@@ -286,7 +303,7 @@ def _model_of(arrays: dict[str, Any]) -> CadModel:
         "free_edges": int(faces["free_edges"].sum()), "refused": refused,
         "wires": head["wires"], "points": head["points"],
     }  # fmt: skip
-    box = np.array(boxes or [np.zeros((2, 3))])
+    box = np.array(boxes) if boxes else np.zeros((1, 2, 3))
     return CadModel(
         surfaces, np.array(owner, np.int32), parts, faces, report,
         np.stack([box[:, 0].min(axis=0), box[:, 1].max(axis=0)]),
@@ -298,7 +315,9 @@ def _built(
 ) -> tuple[list[list[Surface]], list[str], list[FloatArray]]:
     """Return the surfaces of each face, or why it has none, and points of it that edges do not show."""
     raw, uses, numbers, xyz = arrays["faces"], arrays["uses"], arrays["numbers"], arrays["xyz"]
-    of_face = np.searchsorted(uses["face"], np.arange(len(raw) + 1))  # uses are in the order of faces
+    of_face = np.searchsorted(
+        uses["face"], np.arange(len(raw) + 1)
+    )  # uses are in the order of faces
     built: list[list[Surface]] = []
     reasons: list[str] = []
     bounds: list[FloatArray] = []
@@ -310,7 +329,8 @@ def _built(
         if kind == "mesh" and not reason:
             n, m = row["size"][:2].tolist()
             vertices, faces = np.split(numbers[row["at"] : row["at"] + 3 * (n + m)], [3 * n])
-            mesh = TriangleMesh(_Triangles(vertices.reshape(n, 3), faces.reshape(m, 3).astype(np.int64)))
+            sides = faces.reshape(m, 3).astype(np.int64)
+            mesh = TriangleMesh(_Triangles(vertices.reshape(n, 3), sides))  # type: ignore[arg-type]
             found, points = [mesh.flipped() if row["reversed"] else mesh], mesh.vertices
         elif not reason and kind in BUILDERS:
             size = float(np.ptp(xyz[mine].reshape(-1, 3), axis=0).max(initial=0.0))
@@ -351,7 +371,14 @@ def _wires(uses: NDArray[Any], numbers: FloatArray, xyz: FloatArray) -> list[lis
             weights, at = numbers[at : at + n], at + n
         if degree > 1 or n > 2:
             knots = numbers[at : at + n + degree + 1]
-        arc = Arc(points, degree, weights, knots, ends[::-1] if row["reversed"] else ends, max(row["corner"], row["tolerance"]))
+        arc = Arc(
+            points,
+            degree,
+            weights,
+            knots,
+            ends[::-1] if row["reversed"] else ends,
+            max(row["corner"], row["tolerance"]),
+        )
         wires.setdefault(int(row["wire"]), []).append(arc)
     return list(wires.values())
 

@@ -1,8 +1,8 @@
 """CAD files to plain arrays by OpenCASCADE. A program of its own: it may crash, and harms nobody.
 
-``python opencascade.py FILE OUT.npz OPTIONS``, the last one JSON. All names of OCP stand here, as they
-change with each major version, and nothing of this project is imported. What is written: a head (JSON),
-faces, uses of edges by faces, with their curves in the face's own (u, v), and samples of these.
+All names of OCP stand here, as they change with each major version; `hybrid_rt.cad.process` runs `main`.
+What is written: a head (JSON), faces, uses of edges by faces, with their curves in the face's own (u, v),
+and samples of these.
 """
 
 from __future__ import annotations
@@ -15,32 +15,61 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Surface
+from OCP.BRepBuilderAPI import BRepBuilderAPI_Sewing
+from OCP.BRepClass3d import BRepClass3d_SolidClassifier
+from OCP.BRepTools import BRepTools, BRepTools_WireExplorer
+from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as Map
+from OCP.collections import Sequence_TCollection_AsciiString as Names
+from OCP.collections import Sequence_TDF_Label
+from OCP.Geom import Geom_RectangularTrimmedSurface, Geom_TrimmedCurve
+from OCP.Geom2d import Geom2d_TrimmedCurve
+from OCP.Geom2dConvert import Geom2dConvert
+from OCP.GeomAbs import GeomAbs_C1
+from OCP.GeomAdaptor import GeomAdaptor_Surface
+from OCP.GeomConvert import GeomConvert, GeomConvert_ApproxSurface
+from OCP.gp import gp_Trsf
+from OCP.IFSelect import IFSelect_RetDone
+from OCP.IGESCAFControl import IGESCAFControl_Reader
+from OCP.Message import Message
+from OCP.Quantity import Quantity_Color
+from OCP.STEPCAFControl import STEPCAFControl_Reader
+from OCP.TCollection import TCollection_AsciiString, TCollection_ExtendedString
+from OCP.TDataStd import TDataStd_Name
+from OCP.TDF import TDF_Label, TDF_Tool
+from OCP.TDocStd import TDocStd_Document
+from OCP.TopAbs import (
+    TopAbs_EDGE,
+    TopAbs_EXTERNAL,
+    TopAbs_FACE,
+    TopAbs_FORWARD,
+    TopAbs_IN,
+    TopAbs_INTERNAL,
+    TopAbs_REVERSED,
+    TopAbs_SHELL,
+    TopAbs_SOLID,
+    TopAbs_VERTEX,
+    TopAbs_WIRE,
+)
+from OCP.TopExp import TopExp_Explorer
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS, TopoDS_Iterator, TopoDS_Shape, TopoDS_Solid
+from OCP.XCAFApp import XCAFApp_Application
+from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 
-# Points of each use of an edge, at even steps of the parameter that both of its faces share.
-SAMPLES = 33
-# Kinds of faces, in the order of their numbers.
-KINDS = (
-    "plane", "cylinder", "cone", "sphere", "torus", "revolution", "extrusion", "bezier", "bspline",
-    "offset", "other", "mesh",
-)  # fmt: skip
-# How a profile, or a curve, runs with its parameter: as a spline, or by cos and sin (cosh and sinh) of it.
-SPLINE, ELLIPSE, HYPERBOLA = 0, 1, 2
-FACE = np.dtype([
-    ("shape", "i4"), ("kind", "u1"), ("reversed", "?"), ("color", "f8", 3), ("bound", "f8"),
-    ("size", "i8", 8), ("at", "i8"), ("reason", "U80"),
-])  # fmt: skip
-USE = np.dtype([
-    ("face", "i4"), ("wire", "i4"), ("edge", "i4"), ("degenerated", "?"), ("reversed", "?"),
-    ("tolerance", "f8"), ("corner", "f8"), ("degree", "i4"), ("points", "i4"), ("rational", "?"), ("at", "i8"),
-])  # fmt: skip
-# Names that OpenCASCADE makes up.
-INVENTED = ("SOLID", "COMPOUND", "SHELL", "FACE", "COMPSOLID", "ASSEMBLY", "")
-MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4, "ft": 304.8, "um": 1e-3, "km": 1e6}
-NAMES_OF_UNITS = {
-    "millimetre": "mm", "centimetre": "cm", "metre": "m", "inch": "inch", "foot": "ft",
-    "micrometre": "um", "kilometre": "km", "millimeter": "mm", "meter": "m", "mm": "mm", "m": "m",
-    "in": "inch", "cm": "cm", "ft": "ft", "um": "um", "km": "km",
-}  # fmt: skip
+from hybrid_rt.cad.records import (
+    ELLIPSE,
+    FACE,
+    HYPERBOLA,
+    INVENTED,
+    KINDS,
+    MM,
+    NAMES_OF_UNITS,
+    SAMPLES,
+    SPLINE,
+    USE,
+)
 
 
 class RefusedFileError(Exception):
@@ -49,12 +78,6 @@ class RefusedFileError(Exception):
 
 def read(path: str, asked: str) -> tuple[Any, str, float]:
     """Return the XCAF document of a file, the unit of its lengths, and by what they are to be multiplied."""
-    from OCP.IFSelect import IFSelect_RetDone
-    from OCP.Message import Message
-    from OCP.TCollection import TCollection_ExtendedString
-    from OCP.TDocStd import TDocStd_Document
-    from OCP.XCAFApp import XCAFApp_Application
-
     Message.DefaultMessenger_s().ChangePrinters().Clear()
     form = TCollection_ExtendedString("BinXCAF")
     document = TDocStd_Document(form)
@@ -64,31 +87,24 @@ def read(path: str, asked: str) -> tuple[Any, str, float]:
         _read_brep(path, document)
         unit = "mm" if asked == "file" else asked  # it names none
         return document, unit, 1.0 / MM[unit]
-    if kind in (".stp", ".step"):
-        from OCP.STEPCAFControl import STEPCAFControl_Reader as Reader
-    else:
-        from OCP.IGESCAFControl import IGESCAFControl_Reader as Reader
-    reader = Reader()
+    is_step = kind in (".stp", ".step")
+    reader = STEPCAFControl_Reader() if is_step else IGESCAFControl_Reader()
     reader.SetNameMode(True)
     reader.SetColorMode(True)
     if reader.ReadFile(path) != IFSelect_RetDone:
-        raise RefusedFileError(f"holds no {'STEP' if kind[1] == 's' else 'IGES'} data that can be read")
-    unit = _unit_of(reader, kind) if asked == "file" else asked
-    if kind[1] == "s":
-        from OCP.XCAFDoc import XCAFDoc_DocumentTool
-
+        raise RefusedFileError(f"holds no {'STEP' if is_step else 'IGES'} data that can be read")
+    unit = _unit_of(reader, is_step=is_step) if asked == "file" else asked
+    if is_step:
         # In metres; the transfer asks the document.
         XCAFDoc_DocumentTool.SetLengthUnit_s(document, 1e-3 * MM[unit])
     if not reader.Transfer(document):
         raise RefusedFileError("holds nothing that OpenCASCADE makes a shape of")
-    return document, unit, 1.0 if kind[1] == "s" else 1.0 / MM[unit]
+    return document, unit, 1.0 if is_step else 1.0 / MM[unit]
 
 
-def _unit_of(reader: Any, kind: str) -> str:
+def _unit_of(reader: Any, *, is_step: bool) -> str:
     """Return the unit of length of a file, "mm" where it names none that is known."""
-    if kind[1] == "s":
-        from OCP.collections import Sequence_TCollection_AsciiString as Names
-
+    if is_step:
         lengths, angles, solid = Names(), Names(), Names()
         reader.ChangeReader().FileUnits(lengths, angles, solid)
         name = lengths.Value(1).ToCString().lower() if lengths.Length() else "mm"
@@ -99,11 +115,6 @@ def _unit_of(reader: Any, kind: str) -> str:
 
 
 def _read_brep(path: str, document: Any) -> None:
-    from OCP.BRep import BRep_Builder
-    from OCP.BRepTools import BRepTools
-    from OCP.TopoDS import TopoDS_Shape
-    from OCP.XCAFDoc import XCAFDoc_DocumentTool
-
     shape = TopoDS_Shape()
     if not BRepTools.Read_s(shape, path, BRep_Builder()) or shape.IsNull():
         raise RefusedFileError("holds no BREP data that can be read")
@@ -114,8 +125,6 @@ class Extraction:
     """Walks the tree of a document and collects its shapes, each once, and where they are placed."""
 
     def __init__(self, document: Any, sew: float | None, approximate: float | None) -> None:
-        from OCP.XCAFDoc import XCAFDoc_DocumentTool
-
         self.shape_tool = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
         self.color_tool = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
         self.sew, self.approximate = sew, approximate
@@ -131,9 +140,6 @@ class Extraction:
 
     def run(self, scale: float) -> None:
         """Collect everything."""
-        from OCP.collections import Sequence_TDF_Label
-        from OCP.gp import gp_Trsf
-
         labels, place = Sequence_TDF_Label(), gp_Trsf()
         place.SetScaleFactor(scale)
         self.shape_tool.GetFreeShapes(labels)
@@ -141,10 +147,6 @@ class Extraction:
             self._walk(labels.Value(k), place, [], None)
 
     def _walk(self, label: Any, place: Any, path: list[str], color: list[float] | None) -> None:
-        from OCP.collections import Sequence_TDF_Label
-        from OCP.TDF import TDF_Label, TDF_Tool
-        from OCP.TCollection import TCollection_AsciiString
-
         tool, name = self.shape_tool, _name_of(label)
         color = self._color(label, is_label=True) or color
         if tool.IsReference_s(label):
@@ -174,9 +176,6 @@ class Extraction:
 
     def _color(self, of: Any, *, is_label: bool = False) -> list[float] | None:
         """Return the linear RGB of a label or shape, None if it has none."""
-        from OCP.Quantity import Quantity_Color
-        from OCP.XCAFDoc import XCAFDoc_ColorType
-
         color, tool = Quantity_Color(), self.color_tool
         for kind in (XCAFDoc_ColorType.XCAFDoc_ColorSurf, XCAFDoc_ColorType.XCAFDoc_ColorGen):
             if (tool.GetColor_s if is_label else tool.GetColor)(of, kind, color):
@@ -185,12 +184,7 @@ class Extraction:
 
     def _take(self, shape: Any, name: str) -> None:
         """Collect the faces of a shape, with their edges."""
-        from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as Map
-        from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID, TopAbs_VERTEX
-
         if self.sew is not None:
-            from OCP.BRepBuilderAPI import BRepBuilderAPI_Sewing
-
             sewing = BRepBuilderAPI_Sewing(self.sew)
             sewing.Add(shape)
             sewing.Perform()
@@ -203,7 +197,7 @@ class Extraction:
         for face, _ in colors:
             in_solids.Add(face)
         colors += [(f, None) for f in _found(shape, TopAbs_FACE) if not in_solids.Contains(f)]
-        flips = _inside_out(shape, sewed=self.sew is not None)
+        flips = _inside_out(shape)
         for face, of_solid in colors:
             color = self._color(face) or of_solid
             self._take_face(face, number, color, edges, flips)
@@ -215,18 +209,18 @@ class Extraction:
     def _take_face(
         self, shape: Any, number: int, color: list[float] | None, edges: Any, flips: Any
     ) -> None:
-        from OCP.TopAbs import TopAbs_FORWARD, TopAbs_REVERSED
-        from OCP.TopoDS import TopoDS
 
         face = TopoDS.Face(shape)
         is_reversed = (face.Orientation() == TopAbs_REVERSED) != flips.Contains(face)
         forward = TopoDS.Face(face.Oriented(TopAbs_FORWARD))
-        kind, size, numbers, bound, reason, surface = "other", [], [], 0.0, "", None
+        kind, bound, reason, surface = "other", 0.0, "", None
+        size: list[int] = []
+        numbers: list[Any] = []
         try:
             kind, size, numbers, bound, surface = self._describe(forward)
         except RefusedFileError as error:
             kind, reason = error.args[1] if len(error.args) > 1 else "other", error.args[0]
-        except Exception as error:  # whatever OpenCASCADE raises of this face
+        except Exception as error:  # noqa: BLE001 (whatever OpenCASCADE raises of this face)
             reason = f"{type(error).__name__}: {error}"[:80]
         self.faces.append((
             number, KINDS.index(kind), is_reversed, color or [np.nan] * 3, bound,
@@ -246,8 +240,6 @@ class Extraction:
 
     def _describe(self, face: Any) -> tuple[str, list[int], list[Any], float, Any]:
         """Return kind, sizes, numbers, bound and surface of a face."""
-        from OCP.BRep import BRep_Tool
-
         surface = BRep_Tool.Surface_s(face)
         if surface is None:
             return "mesh", *_triangles_of(face), 0.0, None
@@ -268,8 +260,6 @@ class Extraction:
         if kind in ("plane", "cylinder", "cone", "sphere", "torus"):
             return kind, [], [_frame(surface.Position()), _radii(surface, kind)], 0.0, given
         if kind == "bezier":
-            from OCP.GeomConvert import GeomConvert
-
             # Of its parameters 0 to 1 nothing changes.
             surface = GeomConvert.SurfaceToBSplineSurface_s(surface)
         if kind in ("bezier", "bspline"):
@@ -288,10 +278,9 @@ class Extraction:
     def _approximated(self, face: Any, surface: Any) -> tuple[Any, float]:
         """Return a B-spline near an offset surface, and its distance as OpenCASCADE estimates it."""
         if self.approximate is None:
-            raise RefusedFileError("an offset surface has no exact form: pass approximate=", "offset")
-        from OCP.Geom import Geom_RectangularTrimmedSurface
-        from OCP.GeomAbs import GeomAbs_C1
-        from OCP.GeomConvert import GeomConvert_ApproxSurface
+            raise RefusedFileError(
+                "an offset surface has no exact form: pass approximate=", "offset"
+            )
 
         u, v = _range(face, v=False), _range(face, v=True)
         part = Geom_RectangularTrimmedSurface(surface, *u, *v)
@@ -305,11 +294,6 @@ class Extraction:
         return near.Surface(), max(near.MaxError(), 1e-300)
 
     def _take_wires(self, face: Any, surface: Any, edges: Any) -> None:
-        from OCP.BRep import BRep_Tool
-        from OCP.GeomAdaptor import GeomAdaptor_Surface
-        from OCP.TopAbs import TopAbs_REVERSED, TopAbs_WIRE
-        from OCP.TopoDS import TopoDS, TopoDS_Iterator
-
         at, number = GeomAdaptor_Surface(surface), len(self.faces) - 1
         wires = TopoDS_Iterator(face)
         n = 0
@@ -341,10 +325,6 @@ class Extraction:
 
     def _in_order(self, wire: Any, face: Any) -> list[Any]:
         """Return the edges of a wire as it runs; as they are stored where the explorer loses some."""
-        from OCP.BRepTools import BRepTools_WireExplorer
-        from OCP.TopAbs import TopAbs_EDGE, TopAbs_EXTERNAL, TopAbs_INTERNAL
-        from OCP.TopoDS import TopoDS, TopoDS_Iterator
-
         stored, explorer, found = TopoDS_Iterator(wire), BRepTools_WireExplorer(wire, face), []
         while explorer.More():
             found.append(explorer.Current())
@@ -377,22 +357,16 @@ class Extraction:
 
 
 def _found(shape: Any, kind: Any, avoided: Any = None) -> Iterator[Any]:
-    from OCP.TopExp import TopExp_Explorer
-
-    more = TopExp_Explorer(shape, kind) if avoided is None else TopExp_Explorer(shape, kind, avoided)
+    more = (
+        TopExp_Explorer(shape, kind) if avoided is None else TopExp_Explorer(shape, kind, avoided)
+    )
     while more.More():
         yield more.Current()
         more.Next()
 
 
-def _inside_out(shape: Any, *, sewed: bool) -> Any:
+def _inside_out(shape: Any) -> Any:
     """Return the faces of closed bodies whose normals point inward."""
-    from OCP.BRep import BRep_Builder, BRep_Tool
-    from OCP.BRepClass3d import BRepClass3d_SolidClassifier
-    from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as Map
-    from OCP.TopAbs import TopAbs_FACE, TopAbs_IN, TopAbs_SHELL, TopAbs_SOLID
-    from OCP.TopoDS import TopoDS_Solid
-
     found = Map()
     bodies = list(_found(shape, TopAbs_SOLID))
     for shell in _found(shape, TopAbs_SHELL, TopAbs_SOLID):
@@ -414,18 +388,12 @@ def _inside_out(shape: Any, *, sewed: bool) -> Any:
 
 def _corner(edge: Any) -> float:
     """Return how far, by the file, the ends of an edge may be from where others go on."""
-    from OCP.BRep import BRep_Tool
-    from OCP.TopAbs import TopAbs_VERTEX
-    from OCP.TopoDS import TopoDS
-
     return max(
         (BRep_Tool.Tolerance_s(TopoDS.Vertex(v)) for v in _found(edge, TopAbs_VERTEX)), default=0.0
     )
 
 
 def _name_of(label: Any) -> str:
-    from OCP.TDataStd import TDataStd_Name
-
     identity = TDataStd_Name.GetID_s()
     if not label.IsAttribute(identity):
         return ""
@@ -456,11 +424,11 @@ def _radii(surface: Any, kind: str) -> list[float]:
 
 def _range(face: Any, *, v: bool) -> list[float]:
     """Return where the trimmed part of a face begins and ends in u, or in v."""
-    from OCP.BRepAdaptor import BRepAdaptor_Surface
-
     at = BRepAdaptor_Surface(face, True)
     return (
-        [at.FirstVParameter(), at.LastVParameter()] if v else [at.FirstUParameter(), at.LastUParameter()]
+        [at.FirstVParameter(), at.LastVParameter()]
+        if v
+        else [at.FirstUParameter(), at.LastUParameter()]
     )
 
 
@@ -487,14 +455,13 @@ def _row(array: Any) -> list[float]:
 
 def _profile(curve: Any, first: float, last: float) -> tuple[list[int], list[Any]]:
     """Return sizes and numbers of a curve in space: first, last, then a frame and radii, or a spline."""
-    from OCP.Geom import Geom_TrimmedCurve
-    from OCP.GeomConvert import GeomConvert
-
     while type(curve).__name__ == "Geom_TrimmedCurve":
         curve = curve.BasisCurve()
     name = type(curve).__name__.removeprefix("Geom_")
     if name in ("Circle", "Ellipse", "Hyperbola"):
-        radii = [curve.Radius()] * 2 if name == "Circle" else [curve.MajorRadius(), curve.MinorRadius()]
+        radii = (
+            [curve.Radius()] * 2 if name == "Circle" else [curve.MajorRadius(), curve.MinorRadius()]
+        )
         form = HYPERBOLA if name == "Hyperbola" else ELLIPSE
         return [form], [[first, last], _frame(curve.Position()), radii]
     if name in ("Line", "Parabola"):
@@ -518,9 +485,6 @@ def _curve2(
     curve: Any, first: float, last: float, is_back: bool
 ) -> tuple[int, list[tuple[float, float]], list[float] | None, list[float]]:
     """Return degree, points, weights and knots of a curve of an edge, in the order in which its wire runs."""
-    from OCP.Geom2d import Geom2d_TrimmedCurve
-    from OCP.Geom2dConvert import Geom2dConvert
-
     while type(curve).__name__ == "Geom2d_TrimmedCurve":
         curve = curve.BasisCurve()
     if type(curve).__name__ == "Geom2d_Line":
@@ -539,9 +503,6 @@ def _curve2(
 
 def _triangles_of(face: Any) -> tuple[list[int], list[Any]]:
     """Return counts, corners and indices of a face that is given by triangles only."""
-    from OCP.BRep import BRep_Tool
-    from OCP.TopLoc import TopLoc_Location
-
     place = TopLoc_Location()
     mesh = BRep_Tool.Triangulation_s(face, place)
     if mesh is None:
@@ -576,11 +537,4 @@ def main(path: str, out: str, options: str) -> int:
     except MemoryError:
         sys.stdout.write("\nneeds more memory to read than gigabytes= allows")
         return 4
-    except ModuleNotFoundError as error:
-        sys.stdout.write(f"\n{error}")
-        return 5
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))

@@ -12,8 +12,13 @@ from typing import Any
 
 import numpy as np
 
-PROGRAM = Path(__file__).with_name("opencascade.py")
-REFUSED, INCOMPLETE = 4, 5
+# Of the child, which finds this package where this process has it, and nothing beside its own file.
+PROGRAM = (
+    "import sys; sys.path.insert(0, sys.argv[1]); from hybrid_rt.cad.opencascade import main; "
+    "sys.exit(main(*sys.argv[2:]))"
+)
+PLACE = str(Path(__file__).parents[2])
+REFUSED = 4
 SUFFIXES = (".step", ".stp", ".iges", ".igs", ".brep")
 
 
@@ -33,7 +38,9 @@ def check_file(file: Path) -> str:
 MESHES = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
 
 
-def arrays_of(file: Path, options: dict[str, Any], seconds: float, gigabytes: float) -> dict[str, Any]:
+def arrays_of(
+    file: Path, options: dict[str, Any], seconds: float, gigabytes: float
+) -> dict[str, Any]:
     """Return what `hybrid_rt.cad.opencascade` writes of a file.
 
     Raises
@@ -49,8 +56,16 @@ def arrays_of(file: Path, options: dict[str, Any], seconds: float, gigabytes: fl
     with tempfile.TemporaryDirectory(prefix="hybrid_rt_cad_") as folder:
         out = Path(folder) / "arrays.npz"
         wanted = json.dumps({**options, "bytes": int(gigabytes * 1e9)})
-        # -P: what lies beside the program is not to be imported.
-        command = [sys.executable, "-P", str(PROGRAM), str(file.resolve()), str(out), wanted]
+        command = [
+            sys.executable,
+            "-P",
+            "-c",
+            PROGRAM,
+            PLACE,
+            str(file.resolve()),
+            str(out),
+            wanted,
+        ]
         try:
             ended = subprocess.run(
                 command, stdin=subprocess.DEVNULL, capture_output=True, timeout=seconds, check=False
@@ -62,12 +77,12 @@ def arrays_of(file: Path, options: dict[str, Any], seconds: float, gigabytes: fl
         said = ended.stdout.decode("utf-8", "replace").strip().rpartition("\n")[2]
         if ended.returncode == REFUSED:
             raise ValueError(f"{what} {said}")
-        if ended.returncode == INCOMPLETE:
-            raise ImportError(f"{what}: the extra 'cad' is incomplete ({said}): install it again")
         if ended.returncode or not out.is_file():
             last = ended.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2][:160]
             why = last or f"it ended by signal {-ended.returncode}"
-            raise ValueError(f"{what} makes OpenCASCADE fail ({why}): the file is damaged, or too large")
+            raise ValueError(
+                f"{what} makes OpenCASCADE fail ({why}): the file is damaged, or too large"
+            )
         with np.load(out, allow_pickle=False) as found:
             arrays = {name: found[name] for name in found.files}
     return {**arrays, "head": json.loads(arrays["head"].tobytes())}

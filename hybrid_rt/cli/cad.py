@@ -6,11 +6,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hybrid_rt.cad.opencascade import MM
+from hybrid_rt.cad.records import MM
 from hybrid_rt.cli.command import say, tell
 
 if TYPE_CHECKING:
-    from hybrid_rt.cad import CadModel
+    from hybrid_rt.cad.model import CadModel
 
 DESCRIPTION = """\
 Tell what a CAD file (STEP, IGES, BREP) holds: parts, faces by kind and whether they are exact, the largest
@@ -31,7 +31,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what ``hybrid-rt cad`` takes."""
     parser.add_argument("file", type=Path, metavar="FILE", help=".step, .stp, .iges, .igs or .brep")
     add_reading(parser)
-    parser.add_argument("--json", action="store_true", help="print the report, parts and faces as JSON")
+    parser.add_argument(
+        "--json", action="store_true", help="print the report, parts and faces as JSON"
+    )
 
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
@@ -39,13 +41,16 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--unit", choices=("file", *MM), default="file", help="of all lengths")
     parser.add_argument("--sew", type=float, metavar="TOL", help="join edges so near to each other")
     parser.add_argument(
-        "--approximate", type=float, metavar="TOL", help="replace offset surfaces, within this distance"
+        "--approximate",
+        type=float,
+        metavar="TOL",
+        help="replace offset surfaces, within this distance",
     )
 
 
 def read(options: argparse.Namespace, file: Path) -> CadModel:
     """Return the model of a file; what is refused is left out, and said."""
-    from hybrid_rt.cad import read_cad
+    from hybrid_rt.cad.model import read_cad
 
     model = read_cad(
         file, options.unit, sew=options.sew, approximate=options.approximate, refuse="skip"
@@ -82,7 +87,12 @@ def in_records(model: CadModel) -> dict[str, Any]:
     ]  # fmt: skip
     names = [name for name in model.faces.dtype.names or () if name != "color"]
     faces = [dict(zip(names, row, strict=True)) for row in model.faces[names].tolist()]
-    return {**model.report, "bounds": model.bounds.tolist(), "parts_placed": parts, "faces_listed": faces}
+    return {
+        **model.report,
+        "bounds": model.bounds.tolist(),
+        "parts_placed": parts,
+        "faces_listed": faces,
+    }
 
 
 def in_words(model: CadModel) -> str:
@@ -90,10 +100,8 @@ def in_words(model: CadModel) -> str:
     report, unit = model.report, model.report["unit"]
     low, high = model.bounds
     sides = " x ".join(f"{side:.6g}" for side in (high - low).tolist())
-    lines = [
-        f"{report['parts']} part(s) of {report['shapes']} shape(s), {report['closed_parts']} closed; "
-        f"{len(model.faces)} faces; {sides} {unit}"
-    ]
+    first = f"{report['parts']} part(s) of {report['shapes']} shape(s), {report['closed_parts']} closed; "
+    lines = [first + f"{len(model.faces)} faces; {sides} {unit}"]
     for part in model.parts[:SHOWN]:
         name = part.name or "(no name)"
         closed = "closed" if part.is_closed else "open"

@@ -46,7 +46,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what ``hybrid-rt rays`` takes."""
     parser.add_argument("file", type=Path, metavar="FILE", help="CAD file, mesh, or .bpt")
     parser.add_argument("rays", type=Path, metavar="RAYS.npy", help="(n, 6): origins, directions")
-    parser.add_argument("--out", type=Path, required=True, metavar="HITS", help=".npz, .csv or .parquet")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="HITS", help=".npz, .csv or .parquet"
+    )
     cad.add_reading(parser)
     parser.add_argument("--threads", type=one_or_more)
     parser.add_argument("--piece", type=one_or_more, default=PIECE, help=f"rays a piece ({PIECE})")
@@ -106,9 +108,17 @@ def _as_rays(file: Path) -> FloatArray:
     shape = getattr(rays, "shape", None)
     if shape is not None and len(shape) == 3 and shape[1:] == (2, 3):
         rays = rays.reshape(-1, 6)
-    if shape is None or len(shape) not in (2, 3) or rays.shape[1:] != (6,) or rays.dtype.kind not in "fiu":
-        raise ValueError(f"rays {str(file)!r} holds {shape or 'several arrays'}: pass numbers (n, 6), origin and direction")
-    return rays
+    if (
+        shape is None
+        or len(shape) not in (2, 3)
+        or rays.shape[1:] != (6,)
+        or rays.dtype.kind not in "fiu"
+    ):
+        raise ValueError(
+            f"rays {str(file)!r} holds {shape or 'several arrays'}: pass numbers (n, 6), origin and direction"
+        )
+    found: FloatArray = rays
+    return found
 
 
 def _columns(hits: HitRecord, face_of: NDArray[np.int32] | None) -> Columns:
@@ -124,7 +134,9 @@ def _check_out(out: Path) -> None:
     if out.suffix.lower() not in ENDINGS:
         raise ValueError(f"output {str(out)!r} ends in {out.suffix!r}: pass .npz, .csv or .parquet")
     if out.suffix.lower() == ".parquet" and importlib.util.find_spec("pyarrow") is None:
-        raise ImportError(f"output {str(out)!r} needs pyarrow: pip install pyarrow, or write .npz or .csv")
+        raise ImportError(
+            f"output {str(out)!r} needs pyarrow: pip install pyarrow, or write .npz or .csv"
+        )
     check_writable(out)
 
 

@@ -1,6 +1,7 @@
 """Shapes that OpenCASCADE makes, for tests of CAD files: one of each kind of face."""
 
 import math
+from itertools import pairwise
 
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
 from OCP.BRepBuilderAPI import (
@@ -42,7 +43,7 @@ from OCP.TopoDS import TopoDS
 
 Message.DefaultMessenger_s().ChangePrinters().Clear()
 Z = gp_Dir(0, 0, 1)
-O = gp_Pnt(0, 0, 0)  # noqa: E741
+O = gp_Pnt(0, 0, 0)
 AXIS = gp_Ax1(O, Z)
 
 
@@ -78,7 +79,9 @@ def filleted_box():
 
 def drilled_cylinder():
     rod = BRepPrimAPI_MakeCylinder(10.0, 40.0).Shape()
-    hole = BRepPrimAPI_MakeCylinder(gp_Ax2(gp_Pnt(-30, 1, 20), gp_Dir(1, 0, 0.2)), 4.0, 80.0).Shape()
+    hole = BRepPrimAPI_MakeCylinder(
+        gp_Ax2(gp_Pnt(-30, 1, 20), gp_Dir(1, 0, 0.2)), 4.0, 80.0
+    ).Shape()
     return BRepAlgoAPI_Cut(rod, hole).Shape()
 
 
@@ -122,11 +125,13 @@ def drilled_wave():
     wave = spline_curve([(0, 0, 5), (4, 0, 8), (8, 0, 4), (12, 0, 7), (16, 0, 6)])
     wire = BRepBuilderAPI_MakeWire(BRepBuilderAPI_MakeEdge(wave).Edge())
     corners = [(16, 0, 6), (16, 0, 0), (0, 0, 0), (0, 0, 5)]
-    for a, b in zip(corners, corners[1:], strict=False):
+    for a, b in pairwise(corners):
         wire.Add(BRepBuilderAPI_MakeEdge(gp_Pnt(*map(float, a)), gp_Pnt(*map(float, b))).Edge())
     face = BRepBuilderAPI_MakeFace(wire.Wire()).Face()
     body = BRepPrimAPI_MakePrism(face, gp_Vec(0, 12, 0)).Shape()
-    hole = BRepPrimAPI_MakeCylinder(gp_Ax2(gp_Pnt(8, 6, -5), gp_Dir(0.2, 0.1, 1)), 2.5, 30.0).Shape()
+    hole = BRepPrimAPI_MakeCylinder(
+        gp_Ax2(gp_Pnt(8, 6, -5), gp_Dir(0.2, 0.1, 1)), 2.5, 30.0
+    ).Shape()
     return BRepAlgoAPI_Cut(body, hole).Shape()
 
 
@@ -137,7 +142,9 @@ def drilled_bowl():
     wire = BRepBuilderAPI_MakeWire(edge)
     wire.Add(BRepBuilderAPI_MakeEdge(gp_Pnt(0, 0, -9), gp_Pnt(0, 0, 9)).Edge())
     body = BRepPrimAPI_MakeRevol(BRepBuilderAPI_MakeFace(wire.Wire()).Face(), AXIS).Shape()
-    hole = BRepPrimAPI_MakeCylinder(gp_Ax2(gp_Pnt(2.5, 0.5, -20), gp_Dir(0, 0.1, 1)), 1.5, 40.0).Shape()
+    hole = BRepPrimAPI_MakeCylinder(
+        gp_Ax2(gp_Pnt(2.5, 0.5, -20), gp_Dir(0, 0.1, 1)), 1.5, 40.0
+    ).Shape()
     return BRepAlgoAPI_Cut(body, hole).Shape()
 
 

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from hybrid_rt import Intersector
-from hybrid_rt.cad import read_cad
+from hybrid_rt import Intersector, read_cad
 
 shapes = pytest.importorskip("cad_shapes", reason="needs OCP")
-from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder  # noqa: E402
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder
 
 ASIDE = np.array([[0, -1, 0, 50], [1, 0, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1.0]])
 MIRROR = np.array([[-1, 0, 0, -30], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])

@@ -2,13 +2,15 @@
 
 import os
 import signal
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from hybrid_rt.cad import edges, process, read_cad
+from hybrid_rt import read_cad
+from hybrid_rt.cad import edges, process
 from hybrid_rt.cad.loops import Arc, RefusedFaceError, closed_loops
-from hybrid_rt.cad.opencascade import USE
+from hybrid_rt.cad.records import USE
 
 STEP = b"ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\n#1=CARTESIAN_POINT('',(0.,0.,0.));\nENDSEC;\nEND-ISO-10303-21;\n"
 
@@ -66,7 +68,11 @@ def test_a_truncated_file_is_refused_or_read_in_part(tmp_path):
 
 
 CHILDREN = {
-    "dies": (f"import os\nos.kill(os.getpid(), {int(signal.SIGSEGV)})", "ended by signal", ValueError),
+    "dies": (
+        f"import os\nos.kill(os.getpid(), {int(signal.SIGSEGV)})",
+        "ended by signal",
+        ValueError,
+    ),
     "raises": ("raise RuntimeError('no such thing')", "RuntimeError: no such thing", ValueError),
     "hangs": ("import time\ntime.sleep(60)", "longer than seconds=0.3", TimeoutError),
     "writes nothing": ("pass", "OpenCASCADE fail", ValueError),
@@ -78,8 +84,7 @@ CHILDREN = {
 def test_a_child_that_fails_does_no_harm(tmp_path, monkeypatch, fault):
     program, match, kind = CHILDREN[fault]
     monkeypatch.setattr(process.importlib.util, "find_spec", lambda _: True)
-    monkeypatch.setattr(process, "PROGRAM", tmp_path / "child.py")
-    (tmp_path / "child.py").write_text(program)
+    monkeypatch.setattr(process, "PROGRAM", program)
     (tmp_path / "part.step").write_bytes(STEP)
     refused(tmp_path / "part.step", match, kind, seconds=0.3 if fault == "hangs" else 60.0)
 
@@ -104,7 +109,7 @@ def test_small_gaps_of_loops_are_closed_by_lines_and_wide_ones_refused():
     sides[1] = Arc(sides[1].points + off, ends=sides[1].ends, reach=1e-6)
     (loop,) = closed_loops([sides], (0.0, 0.0))
     assert len(loop) == 5  # a line more
-    assert all((a.points[-1] == b.points[0]).all() for a, b in zip(loop, loop[1:], strict=False))
+    assert all((a.points[-1] == b.points[0]).all() for a, b in pairwise(loop))
     del sides[2]
     with pytest.raises(RefusedFaceError, match="loop 0 is open by 1"):
         closed_loops([sides], (0.0, 0.0))

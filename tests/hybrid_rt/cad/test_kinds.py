@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from hybrid_rt import Flag, Intersector
-from hybrid_rt.cad import read_cad
+from hybrid_rt import Flag, Intersector, read_cad
 from hybrid_rt.core.records import Status
 
 shapes = pytest.importorskip("cad_shapes", reason="needs OCP")
@@ -72,7 +71,10 @@ def test_first_hits_are_those_of_opencascade(every_kind, name):
     surfaces = surfaces_of(model, part)
     corners = np.stack([surface.bounds for surface in surfaces])
     box = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
-    box = np.maximum(box[0], [APART * k - 25, -25, -25]), np.minimum(box[1], [APART * k + 25, 45, 45])
+    box = (
+        np.maximum(box[0], [APART * k - 25, -25, -25]),
+        np.minimum(box[1], [APART * k + 25, 45, 45]),
+    )
     origins, directions = rays_at(box, RAYS, 5)
     hits = Intersector(surfaces, coarse="none", threads=1).intersect(origins, directions)
     theirs = shapes.first_hits(made[name], origins - (APART * k, 0, 0), directions)

@@ -7,6 +7,15 @@ import trimesh
 from hybrid_rt import Intersector, TriangleMesh
 from hybrid_rt.primitives.mesh_files import with_absolute_indices
 
+CLOUD = """ply
+format ascii 1.0
+element vertex 1
+property float x
+property float y
+property float z
+end_header
+0 0 0
+"""
 SQUARE = "v 0 0 {0}\nv 1 0 {0}\nv 1 1 {0}\nv 0 1 {0}\nf -4 -3 -2 -1\n"
 
 
@@ -91,8 +100,7 @@ def test_a_file_without_relative_indices_stays_as_it_is():
         ),
         (
             "cloud.ply",
-            "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
-            "property float z\nend_header\n0 0 0\n",
+            CLOUD,
             ValueError, r"cloud\.ply' holds no triangles, but a cloud of points",
         ),
         (
