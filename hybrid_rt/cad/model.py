@@ -14,9 +14,12 @@ from numpy.typing import NDArray
 from hybrid_rt.cad import edges as edges_of
 from hybrid_rt.cad.faces import BUILDERS, Part, Raw, parts_of
 from hybrid_rt.cad.loops import Arc
+from hybrid_rt.cad.pairs import in_pairs
 from hybrid_rt.cad.process import arrays_of
 from hybrid_rt.cad.records import KINDS, MM
 from hybrid_rt.core import checks
+from hybrid_rt.core.records import BoolArray
+from hybrid_rt.intersection.crossings import Crossings
 from hybrid_rt.primitives import TriangleMesh
 from meshing.checks import FloatArray, as_path, number, text_of
 from meshing.surface import Surface
@@ -111,6 +114,22 @@ class CadModel:
     def bounds(self) -> FloatArray:
         """(2, 3): lower and upper corner of a box about what is inside the loops, nearly."""
         return self.box
+
+    def paired(self, crossings: Crossings) -> tuple[Crossings, BoolArray]:
+        """Return crossings of `surfaces` with entries and exits of closed parts in turn.
+
+        Rows within the gap of an edge may be there twice, once for each face: the fewest of these are left
+        out that it takes. Nothing is promised of open parts, whose rows stay.
+
+        Returns
+        -------
+        Crossings
+        is_paired : (n,) bool
+            Of rays for which leaving out is not enough, all rows stay, and this is False.
+        """
+        closed = np.array([part.is_closed for part in self.parts])
+        part = self.faces["part"][self.face_of[crossings.hits.object_id]]
+        return in_pairs(crossings, np.where(closed[part], part, -1))
 
     def scene(
         self,
