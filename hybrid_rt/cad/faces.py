@@ -43,6 +43,8 @@ NEARLY_WHOLE = 0.98
 IN_PLANE, MEETING = 1e-10, 1e-12
 # Radii up to this part of a profile are on its axis.
 NEEDLE = 1e-7
+# Points along u and v by which the box of a face is found.
+GRID = 33
 # Arcs of conics are at most so long, in radians (or in the hyperbolic angle).
 LONGEST_ARC = 0.5 * math.pi
 
@@ -87,6 +89,20 @@ class Part:
             loops, axes = FLIPS[surface.flip_of_uv](loops, axes)
             surface = surface.flipped()
         return TrimmedSurface(surface, as_curves(loops, axes), face.gap)
+
+    def extremes(self) -> FloatArray:
+        """Return points whose box holds the part of the surface that loops reach, nearly."""
+        if isinstance(self.surface, SurfaceOfRevolution):
+            return self.surface.bounds
+        if self.surface.is_flat:
+            return np.empty((0, 3))  # edges do
+        ends = extent(self.loops)
+        at = (axis.to_unit(np.linspace(*ends[:, k], GRID)) for k, axis in enumerate(self.axes))
+        closes = self.surface.closes
+        u, v = np.meshgrid(
+            *(x % 1.0 if c else np.clip(x, 0, 1) for c, x in zip(closes, at, strict=True))
+        )
+        return self.point(u.ravel(), v.ravel())
 
     def unit(self, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the surface's u and v of points in the face's own, (n, 2)."""

@@ -162,7 +162,7 @@ class CadModel:
         way = np.array(look_along, np.float64)
         way /= np.linalg.norm(way)
         camera = Camera(
-            middle - 1.75 * size * way,
+            middle - 1.5 * size * way,
             middle,
             (0, 0, 1),
             vertical_fov=32.0,
@@ -361,6 +361,7 @@ def _built(
             try:
                 parts = parts_of(face)
                 found = [part.trimmed(face) for part in parts]
+                points = np.concatenate([part.extremes() for part in parts])
                 off = _off(parts, arrays["uv"][mine], xyz[mine])
                 if off > AGREES * size + 2.0 * float(row["bound"]):
                     raise ValueError(f"its surface is {off:.3g} from OpenCASCADE's")
