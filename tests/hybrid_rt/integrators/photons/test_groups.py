@@ -1,8 +1,8 @@
 """Photons of many lamps are followed together, and are the same as if each lamp had its own."""
 
 import numpy as np
-from helpers.shared_statistics_ppm import make_photon_tracer
 
+from helpers.shared_statistics_ppm import make_photon_tracer
 from hybrid_rt import (
     Camera,
     Dielectric,
