@@ -97,7 +97,7 @@ class Part:
         if self.surface.is_flat:
             return np.empty((0, 3))  # edges do
         ends = extent(self.loops)
-        at = (axis.to_unit(np.linspace(*ends[:, k], GRID)) for k, axis in enumerate(self.axes))
+        at = (axis.to_unit(np.linspace(ends[0, k], ends[1, k], GRID)) for k, axis in enumerate(self.axes))
         closes = self.surface.closes
         u, v = np.meshgrid(
             *(x % 1.0 if c else np.clip(x, 0, 1) for c, x in zip(closes, at, strict=True))

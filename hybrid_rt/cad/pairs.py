@@ -34,8 +34,8 @@ def in_pairs(crossings: Crossings, body: NDArray[np.int64]) -> tuple[Crossings, 
     keeps, is_paired = np.ones(len(crossings), np.bool_), np.ones(len(crossings.count), np.bool_)
     order = np.lexsort((np.arange(len(body)), body, crossings.ray))
     key = np.stack([crossings.ray[order], body[order]])
-    ends = np.flatnonzero(np.any(np.diff(key, axis=1) != 0, axis=0)) + 1 if len(order) else []
-    for begin, end in pairwise([0, *ends, len(order)]):
+    ends = np.flatnonzero(np.any(np.diff(key, axis=1) != 0, axis=0)) + 1
+    for begin, end in pairwise([0, *ends.tolist(), len(order)]):
         rows = order[begin:end]
         if not len(rows) or body[rows[0]] < 0:
             continue

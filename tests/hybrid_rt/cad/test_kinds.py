@@ -89,16 +89,15 @@ def test_first_hits_are_those_of_opencascade(every_kind, name):
 
 
 def test_crossings_at_edges_are_paired(every_kind):
-    """Rays aimed at the rims of a drilled hole, whose gap is 1e-7: in and out in turn, at every one."""
+    """Rays aimed at the upper rim of a drilled rod: in and out in turn, at every one."""
     made, model = every_kind
     k = list(made).index("drilled cylinder")
     rng = np.random.default_rng(8)
     n, angle = 400, rng.random(400) * 2 * np.pi
-    # Rims of the top, and points of the slanted hole: axis through (1, 20), radius 4, on the rod of radius 10.
     rim = np.column_stack([10 * np.cos(angle), 10 * np.sin(angle), np.full(n, 40.0)])
     ways = rng.normal(size=(n, 3))
     ways /= np.linalg.norm(ways, axis=1)[:, None]
-    origins = rim + (APART * k, 0, 0) - 80 * ways
+    origins = rim + np.array([APART * k, 0.0, 0.0]) - 80 * ways
     crossings = Intersector(model.surfaces, coarse="none").intersect_all(origins, ways)
     paired, is_paired = model.paired(crossings)
     assert is_paired.all()
