@@ -72,6 +72,10 @@ from hybrid_rt.cad.records import (
 )
 
 
+# Where parts of curves are compared with the whole.
+CHECKS = (0.03, 0.31, 0.52, 0.77, 0.99)
+
+
 class RefusedFileError(Exception):
     """The file is not taken; the message says why."""
 
@@ -305,13 +309,15 @@ class Extraction:
             for edge in self._in_order(TopoDS.Wire(wire), face):
                 curve = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
                 if curve is None:
-                    row = list(self.faces[-1])
-                    row[-1] = row[-1] or "an edge has no curve in the (u, v) of the face"
-                    self.faces[-1] = tuple(row)
+                    self._refuse("an edge has no curve in the (u, v) of the face")
                     continue
                 first, last = BRep_Tool.Range_s(edge, face)
                 is_back = edge.Orientation() == TopAbs_REVERSED
-                degree, points, weights, knots = _curve2(curve, first, last, is_back)
+                try:
+                    degree, points, weights, knots = _curve2(curve, first, last, is_back)
+                except RefusedFileError as error:
+                    self._refuse(error.args[0])
+                    continue
                 self.uses.append((
                     number, n, edges.Add(edge) + self.n_edges - 1, BRep_Tool.Degenerated_s(edge),
                     is_back, BRep_Tool.Tolerance_s(edge), _corner(edge), degree, len(points),
@@ -322,6 +328,11 @@ class Extraction:
                 self.uv.append([(p.X(), p.Y()) for p in uv])
                 self.xyz.append([_xyz(at.Value(*place)) for place in self.uv[-1]])
             n += 1
+
+    def _refuse(self, reason: str) -> None:
+        """Note why the last face is not taken."""
+        *row, before = self.faces[-1]
+        self.faces[-1] = (*row, before or reason)
 
     def _in_order(self, wire: Any, face: Any) -> list[Any]:
         """Return the edges of a wire as it runs; as they are stored where the explorer loses some."""
@@ -490,15 +501,37 @@ def _curve2(
     if type(curve).__name__ == "Geom2d_Line":
         ends = [curve.Value(t) for t in ((last, first) if is_back else (first, last))]
         return 1, [(p.X(), p.Y()) for p in ends], None, [0.0, 0.0, 1.0, 1.0]
-    spline = Geom2dConvert.CurveToBSplineCurve_s(Geom2d_TrimmedCurve(curve, first, last))
-    if spline.IsPeriodic():
-        spline.SetNotPeriodic()
+    spline = _spline2(curve, first, last)
     if is_back:
         spline.Reverse()
     n = spline.NbPoles()
     points = [(p.X(), p.Y()) for p in (spline.Pole(k) for k in range(1, n + 1))]
+    begin = curve.Value(last if is_back else first)
+    if spline.Pole(1).Distance(begin) > 1e-7 * max(1.0, abs(begin.X()), abs(begin.Y())):
+        raise RefusedFileError("a curve of an edge does not begin at its first control point")
     weights = [spline.Weight(k) for k in range(1, n + 1)] if spline.IsRational() else None
     return spline.Degree(), points, weights, _row(spline.KnotSequence())
+
+
+def _spline2(curve: Any, first: float, last: float) -> Any:
+    """Return part of a curve as a B-spline; of a spline the parameter stays, and is asked whether it has."""
+    is_spline = type(curve).__name__ == "Geom2d_BSplineCurve"
+    spline = curve.Copy() if is_spline else None
+    if is_spline and spline.IsPeriodic():
+        # Parts of periodic ones come out wrong.
+        spline.SetNotPeriodic()
+    if is_spline and spline.FirstParameter() <= first and last <= spline.LastParameter():
+        spline.Segment(first, last)  # with ends that are control points
+    else:
+        spline = Geom2dConvert.CurveToBSplineCurve_s(Geom2d_TrimmedCurve(curve, first, last))
+        if spline.IsPeriodic():
+            spline.SetNotPeriodic()
+    for share in CHECKS if is_spline else ():
+        t = first + share * (last - first)
+        a, b = spline.Value(t), curve.Value(t)
+        if a.Distance(b) > 1e-7 * max(1.0, abs(b.X()), abs(b.Y())):
+            raise RefusedFileError("OpenCASCADE cuts a curve of an edge wrongly")
+    return spline
 
 
 def _triangles_of(face: Any) -> tuple[list[int], list[Any]]:

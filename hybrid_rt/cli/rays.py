@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from hybrid_rt.cli import cad
 from hybrid_rt.cli.command import one_or_more, say
+from hybrid_rt.cli.options import add_progress_options
 from hybrid_rt.cli.render import shown_progress
 from hybrid_rt.core.records import HitRecord
 from meshing.checks import FloatArray
@@ -51,8 +52,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     cad.add_reading(parser)
     parser.add_argument("--threads", type=one_or_more)
+    add_progress_options(parser)
     parser.add_argument("--piece", type=one_or_more, default=PIECE, help=f"rays a piece ({PIECE})")
-    parser.add_argument("--progress", choices=("auto", "bar", "lines", "none"), default="auto")
 
 
 def run(options: argparse.Namespace) -> None:

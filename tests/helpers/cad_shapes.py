@@ -135,6 +135,22 @@ def drilled_wave():
     return BRepAlgoAPI_Cut(body, hole).Shape()
 
 
+def lobed_prism():
+    """A solid over a closed periodic spline."""
+    from OCP.collections import HArray1_gp_Pnt
+    from OCP.GeomAPI import GeomAPI_Interpolate
+
+    places = HArray1_gp_Pnt(1, 7)
+    for k in range(7):
+        angle = 2.0 * math.pi * k / 7
+        radius = 6.0 + 1.2 * math.cos(3.0 * angle)
+        places.SetValue(k + 1, gp_Pnt(radius * math.cos(angle), radius * math.sin(angle), 0.0))
+    make = GeomAPI_Interpolate(places, True, 1e-9)
+    make.Perform()
+    wire = BRepBuilderAPI_MakeWire(BRepBuilderAPI_MakeEdge(make.Curve()).Edge()).Wire()
+    return BRepPrimAPI_MakePrism(BRepBuilderAPI_MakeFace(wire).Face(), gp_Vec(1, 0, 12)).Shape()
+
+
 def drilled_bowl():
     """A solid of a revolved ellipse with a hole aside: curves across bent parameters."""
     ellipse = Geom_Ellipse(across(), 9.0, 6.0)
@@ -181,6 +197,7 @@ SHAPES = {
     "extruded ellipse": lambda: extruded(Geom_Ellipse(gp_Ax2(O, Z), 7.0, 4.0), -1.0, 2.5),
     "extruded hyperbola": lambda: extruded(Geom_Hyperbola(gp_Ax2(O, Z), 3.0, 4.0), -1.0, 1.3),
     "Bezier": lambda: BRepBuilderAPI_MakeFace(Geom_BezierSurface(wavy_net()), 1e-9).Face(),
+    "lobed prism": lobed_prism,
     "drilled wave": drilled_wave,
     "drilled bowl": drilled_bowl,
 }
