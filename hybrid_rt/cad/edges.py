@@ -19,7 +19,9 @@ class Edges(NamedTuple):
     gap: FloatArray  # (n,) largest distance of both curves from each other
     face: NDArray[np.int64]  # (n, 2)
     declared: FloatArray  # (n,) tolerance of the file
-    n_free: NDArray[np.int64]  # (faces,) edges of each face that have no second use
+    n_free: NDArray[
+        np.int64
+    ]  # (faces,) edges of each face with an odd number of uses: of closed bodies none
 
 
 def measured(uses: NDArray[Any], xyz: FloatArray, n_faces: int) -> Edges:
@@ -40,7 +42,7 @@ def measured(uses: NDArray[Any], xyz: FloatArray, n_faces: int) -> Edges:
     edge = uses["edge"][order]
     begins = np.flatnonzero(np.concatenate([[True], edge[1:] != edge[:-1]])) if len(edge) else edge
     count = np.diff(np.concatenate([begins, [len(edge)]]))
-    free = order[begins[count == 1]]
+    free = order[begins[count % 2 == 1]]
     n_free = np.bincount(uses["face"][free], minlength=n_faces)
     # Every use after the first is compared with the first.
     first = np.repeat(order[begins], count - 1)

@@ -97,16 +97,35 @@ class Part:
         if self.surface.is_flat:
             return np.empty((0, 3))  # edges do
         ends = extent(self.loops)
-        at = (axis.to_unit(np.linspace(ends[0, k], ends[1, k], GRID)) for k, axis in enumerate(self.axes))
+        at = (
+            axis.to_unit(np.linspace(ends[0, k], ends[1, k], GRID))
+            for k, axis in enumerate(self.axes)
+        )
         closes = self.surface.closes
         u, v = np.meshgrid(
             *(x % 1.0 if c else np.clip(x, 0, 1) for c, x in zip(closes, at, strict=True))
         )
         return self.point(u.ravel(), v.ravel())
 
-    def unit(self, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the surface's u and v of points in the face's own, (n, 2)."""
-        sign, shift = self.moved
+    def jump(self) -> float:
+        """Return how far lines that close loops go in space, at most, beyond what the file allows."""
+        farthest = 0.0
+        joints = (arc for loop in self.loops for arc in loop if arc.ends is None)
+        for arc in joints:
+            if np.abs(arc.points[1] - arc.points[0]).max() > NEEDLE:
+                along = np.linspace(0.0, 1.0, 5)[:, None]
+                u, v = self.unit(
+                    arc.points[0] + along * (arc.points[1] - arc.points[0]), moved=True
+                )
+                at = self.point(np.clip(u, 0.0, 1.0), np.clip(v, 0.0, 1.0))
+                farthest = max(
+                    farthest, float(np.linalg.norm(at - at[0], axis=1).max()) - 2 * arc.reach
+                )
+        return farthest
+
+    def unit(self, uv: FloatArray, *, moved: bool = False) -> tuple[FloatArray, FloatArray]:
+        """Return the surface's u and v of points in the face's own, (n, 2), or as its loops have them."""
+        sign, shift = (1.0, 0.0) if moved else self.moved
         native = [uv[:, 0], sign * uv[:, 1] + shift]
         for k, (period, axis) in enumerate(zip(self.periods, self.axes, strict=True)):
             if period:

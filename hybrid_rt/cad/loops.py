@@ -119,13 +119,13 @@ def _chained(left: list[Arc], periods: FloatArray, number: int) -> list[Arc]:
             raise RefusedFaceError(f"loop {number} is open by {gaps[k]:.3g}")
         here = loop[-1].points[-1]
         arc = arc.moved((1.0, 1.0), _turns(here - arc.points[0], periods))
-        loop += [*_joint(here, arc.points[0]), arc]
+        loop += [*_joint(here, arc.points[0], _reach(loop[-1], arc)), arc]
     if (gap := _gap(loop[-1], loop[0])) > _reach(loop[-1], loop[0]):
         raise RefusedFaceError(f"loop {number} is open by {gap:.3g}")
     end, begin = loop[-1].points[-1], loop[0].points[0]
     if _turns(end - begin, periods).any():
         raise RefusedFaceError(f"loop {number} goes around without an edge along the seam")
-    return [*loop, *_joint(end, begin)]
+    return [*loop, *_joint(end, begin, _reach(loop[-1], loop[0]))]
 
 
 def _turns(way: FloatArray, periods: FloatArray) -> FloatArray:
@@ -134,8 +134,8 @@ def _turns(way: FloatArray, periods: FloatArray) -> FloatArray:
     return whole
 
 
-def _joint(here: FloatArray, there: FloatArray) -> list[Arc]:
-    return [] if (here == there).all() else [Arc(np.stack([here, there]))]
+def _joint(here: FloatArray, there: FloatArray, reach: float) -> list[Arc]:
+    return [] if (here == there).all() else [Arc(np.stack([here, there]), reach=reach)]
 
 
 def _gap(one: Arc, other: Arc) -> float:

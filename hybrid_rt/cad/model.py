@@ -334,9 +334,7 @@ def _built(
 ) -> tuple[list[list[Surface]], list[str], list[FloatArray]]:
     """Return the surfaces of each face, or why it has none, and points of it that edges do not show."""
     raw, uses, numbers, xyz = arrays["faces"], arrays["uses"], arrays["numbers"], arrays["xyz"]
-    of_face = np.searchsorted(
-        uses["face"], np.arange(len(raw) + 1)
-    )  # uses are in the order of faces
+    of_face = np.searchsorted(uses["face"], np.arange(len(raw) + 1))  # they are in that order
     built: list[list[Surface]] = []
     reasons: list[str] = []
     bounds: list[FloatArray] = []
@@ -362,6 +360,8 @@ def _built(
                 parts = parts_of(face)
                 found = [part.trimmed(face) for part in parts]
                 points = np.concatenate([part.extremes() for part in parts])
+                if (jump := max(part.jump() for part in parts)) > AGREES * size:
+                    raise ValueError(f"a loop jumps by {jump:.3g} where it has no edge")
                 off = _off(parts, arrays["uv"][mine], xyz[mine])
                 if off > AGREES * size + 2.0 * float(row["bound"]):
                     raise ValueError(f"its surface is {off:.3g} from OpenCASCADE's")
@@ -382,7 +382,7 @@ class _Triangles:
 def _wires(uses: NDArray[Any], numbers: FloatArray, xyz: FloatArray) -> list[list[Arc]]:
     """Return the arcs of each wire of a face."""
     wires: dict[int, list[Arc]] = {}
-    for row, ends in zip(uses, xyz[:, [0, -1]], strict=True):
+    for row, both in zip(uses, xyz[:, [0, -1]], strict=True):
         n, degree, at = int(row["points"]), int(row["degree"]), int(row["at"])
         points = numbers[at : at + 2 * n].reshape(n, 2)
         weights, knots = None, None
@@ -391,15 +391,11 @@ def _wires(uses: NDArray[Any], numbers: FloatArray, xyz: FloatArray) -> list[lis
             weights, at = numbers[at : at + n], at + n
         if degree > 1 or n > 2:
             knots = numbers[at : at + n + degree + 1]
-        arc = Arc(
-            points,
-            degree,
-            weights,
-            knots,
-            ends[::-1] if row["reversed"] else ends,
-            max(row["corner"], row["tolerance"]),
+        ends = both[::-1] if row["reversed"] else both
+        reach = float(max(row["corner"], row["tolerance"]))
+        wires.setdefault(int(row["wire"]), []).append(
+            Arc(points, degree, weights, knots, ends, reach)
         )
-        wires.setdefault(int(row["wire"]), []).append(arc)
     return list(wires.values())
 
 

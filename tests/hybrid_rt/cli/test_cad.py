@@ -43,7 +43,9 @@ def test_it_is_described_as_json(part, capsys):
     assert report["unit"] == "m"
     assert report["faces"] == {"cylinder": {"exact": 2}, "plane": {"exact": 2}}
     assert len(report["faces_listed"]) == 4
-    assert np.ptp(report["bounds"], axis=0)[2] == pytest.approx(0.04, rel=1e-4)  # surfaces reach a little beyond their edges
+    assert np.ptp(report["bounds"], axis=0)[2] == pytest.approx(
+        0.04, rel=1e-4
+    )  # surfaces reach a little beyond their edges
 
 
 def test_rays_of_a_file_are_traced_in_pieces(part, rays, tmp_path, capsys):
