@@ -66,7 +66,7 @@ class MeanEstimate:
     n_seen : int
         Those that the camera sees, or that are connected to what it sees.
     n_effective : float
-        How many events of one size would have the same relative error.
+        How many events of one size would have the same relative error; 0 if none of the photons of a light is seen.
     mean : float
     low, high : float
         The 95 % interval of ``mean``: a score interval, as few bright photons make it skewed.
@@ -184,7 +184,7 @@ def _estimated(context: RenderContext, found: str, n: int, dimension: int) -> Me
     return MeanEstimate(
         n_photons=n_photons,
         n_seen=n_seen,
-        n_effective=_ratio(mean, variance),
+        n_effective=_ratio(mean, variance) if all(p.sees_every_light for p in probes) else 0.0,
         mean=mean,
         low=float(low[0]),
         high=float(high[0]),

@@ -32,7 +32,7 @@ from hybrid_rt.integrators.photons import PPM
 from hybrid_rt.integrators.photons.density_estimation import Discs, Field, Radii
 from hybrid_rt.integrators.photons.eye_pass import EyePass, PendingPoints
 from hybrid_rt.integrators.photons.light_tracing import shown_rows
-from hybrid_rt.integrators.photons.photon_groups import Group, sequence_of, size_for_discs
+from hybrid_rt.integrators.photons.photon_groups import Group, size_for_discs
 from hybrid_rt.integrators.photons.photon_tracer import (
     LENS,
     PER_LAUNCH,
@@ -46,7 +46,7 @@ from hybrid_rt.materials.table import softened
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.scene.plan import make_plan
-from hybrid_rt.sensor.passes import GROUPS, RUN
+from hybrid_rt.sensor.passes import GROUPS
 from hybrid_rt.shading.kernels.bsdf import LobeTable
 from hybrid_rt.shading.kernels.emitter import UNWEIGHTED
 from hybrid_rt.shading.kernels.lobes.register import (
@@ -133,6 +133,8 @@ class Probe(PhotonTracer):
         Power of the photons that began so, summed over channels. Written.
     stored, number_of_stored : Photons and (n,) uint64
         What camera rays may gather, if there is something to see it by. Written.
+    sees_every_light : bool
+        Whether the camera sees photons of each light. Written.
     lit, light : (n, 3) and (n,) float64
         Where photons met wide lobes, and what these reflect of them: the mean of the channels of the
         power of all groups. Written.
@@ -161,6 +163,7 @@ class Probe(PhotonTracer):
         self.is_mixed = bool((kept & ~self._begins).any())
         self.begun = 0.0
         self.stored, self.number_of_stored = joined([]), np.zeros(0, dtype=np.uint64)
+        self.sees_every_light = True
         self.lit, self.light = np.zeros((0, 3)), np.zeros(0)
         self._is_wide = scene.lobes_with(WIDE)
         # Where all lobes are wide, photons go on by these.
@@ -183,7 +186,9 @@ class Probe(PhotonTracer):
         mirrors = bool(context.scene.materials_with(FOLLOWED).any())
         stored, numbers = list[Photons](), [self.number_of_stored]
         lit, light = [self.lit], [self.light]
-        flight = self._all_launched(groups)
+        flight = self._all_launched(groups, ends is not None)
+        light_of = np.array([group.light for group in groups])
+        lights = np.unique(light_of[_number_of_group(flight.number)])
         connected = flight.number[:0]
         for depth in range(context.max_depth + 1):
             if flight.number.size == 0:
@@ -233,7 +238,10 @@ class Probe(PhotonTracer):
                 self.begun += float(flight.power.sum())
         self.stored, self.number_of_stored = joined(stored), np.concatenate(numbers)
         self.lit, self.light = np.concatenate(lit), np.concatenate(light)
-        return Seen(*(np.concatenate(columns) for columns in zip(*seen, strict=True)))
+        found = Seen(*(np.concatenate(columns) for columns in zip(*seen, strict=True)))
+        seen_lights = light_of[_number_of_group(found.number)]
+        self.sees_every_light = bool(np.isin(lights, seen_lights).all())
+        return found
 
     def _shares(self, by_power: FloatArray) -> FloatArray:
         """Mostly by power, but `EVENLY`: a faint light may be all that lights a part of the picture."""
@@ -301,18 +309,29 @@ class Probe(PhotonTracer):
             np.zeros(sent.size, dtype=np.bool_),
         )
 
-    def _all_launched(self, groups: list[Group]) -> Flight:
-        """Launch photons of all lights and groups of passes; numbers tell their sequences."""
+    def _all_launched(self, groups: list[Group], together: bool) -> Flight:
+        """Launch photons of all lights and groups of passes; numbers tell their groups.
+
+        Those of a light that leave ``together`` are points of one sequence: so fewer small openings are missed
+        than by a sequence for each group of passes, but then groups tell too much noise.
+        """
         flights = []
         for group in groups:
             for k in np.flatnonzero(self._chosen[:, group.light]).tolist():
-                sequence, first = sequence_of(group, k * RUN)
+                sequence = GROUPS * group.number + k
+                first = k * group.n if together else 0
                 number = np.arange(first, first + group.n, dtype=np.uint64)
-                flight = self._launched(group, sequence, number, self._dimension)
+                flight = self._launched(group, sequence - k * together, number, self._dimension)
                 flight.number[:] |= np.uint64(sequence) << BITS
                 flight.power[:] *= self._chosen[k, group.light]
                 flights.append(flight)
         return Flight(*(np.concatenate(columns) for columns in zip(*flights, strict=True)))
+
+
+def _number_of_group(number: NDArray[np.uint64]) -> NDArray[np.intp]:
+    """Return the numbers of the `Group` of photons of `Probe.follow`."""
+    group: NDArray[np.intp] = ((number >> BITS) // np.uint64(GROUPS)).astype(np.intp)
+    return group
 
 
 def group_of_photons(number: NDArray[np.uint64]) -> NDArray[np.intp]:
