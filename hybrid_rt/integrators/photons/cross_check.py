@@ -42,7 +42,7 @@ from hybrid_rt.sensor.projection import Projection
 
 # Photons of a first try, one for so many pixels, and within these limits. If the camera sees fewer than
 # ENOUGH of them, in effect, MOST_PHOTONS are sent.
-PIXELS_EACH, FEWEST_PHOTONS, MOST_PHOTONS, ENOUGH = 64, 2000, 20_000, 30.0
+PIXELS_EACH, FEWEST_PHOTONS, MOST_PHOTONS, ENOUGH = 64, 2000, 20_000, 16.0
 # Far from the dimensions of all other photons, and of the first ones where photons are sent again.
 CHECK_DIMENSION, REPEATED = 2**43, 2**44
 # The normal quantile of a limit that one estimate of a thousand is beyond.
