@@ -120,7 +120,8 @@ def widen_bounds(
     if not moved.any():
         return
     rows = np.flatnonzero(best.object_id >= 0)
-    rows = rows[(kind_of[best.object_id[rows]] == kind) & (moved[best.primitive[rows]] > 0.0)]
+    rows = rows[kind_of[best.object_id[rows]] == kind]
+    rows = rows[moved[best.primitive[rows]] > 0.0]
     slope = np.abs(np.einsum("ij,ij->i", out.normal[rows], rays.direction[rows]))
     with np.errstate(divide="ignore"):
         best.t_bound[rows] += moved[best.primitive[rows]] / slope
