@@ -11,7 +11,6 @@ from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 
-
 # One number stands for all rows, where no instances are.
 NONE = np.array(-1, np.int32)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -175,14 +176,17 @@ class Instances(Surface):
         return place, found
 
     def _turned(self, vectors: FloatArray, place: IdArray) -> FloatArray:
-        return np.einsum("nij,nj->ni", self.matrices[place, :, :3], vectors)
+        turned: FloatArray = np.einsum("nij,nj->ni", self.matrices[place, :, :3], vectors)
+        return turned
 
     # --- shape
 
     @cached_property
     def box(self) -> FloatArray:
         """(2, 3) float64: lower and upper corner of the box around the surfaces as they were given."""
-        boxes = np.array([s.bounds + 2.0 * s.moved * np.array([[-1.0], [1.0]]) for s in self.surfaces])
+        boxes = np.array(
+            [s.bounds + 2.0 * s.moved * np.array([[-1.0], [1.0]]) for s in self.surfaces]
+        )
         return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
     @property
@@ -252,7 +256,7 @@ def _similarities(matrices: ArrayLike) -> tuple[FloatArray, FloatArray]:
             f"Instances matrices has shape {array.shape}: pass (n, 4, 4) or (n, 3, 4), at least one"
         )
 
-    def refuse(is_bad: np.ndarray, why: str, remedy: str) -> None:
+    def refuse(is_bad: Any, why: str, remedy: str) -> None:
         if is_bad.any():
             row = int(is_bad.argmax())
             raise ValueError(

@@ -24,8 +24,9 @@ from meshing.kernels.jit import inlined, kernel
 # Origin and direction in the frame are within one rounding of the exact ones, which moves the ray by this
 # times its way, and as much again for what that moves along a bent surface.
 ROUNDING = 4.0 * UNIT_ROUNDOFF
-# Boxes are met if they are missed by this part of their size, or by eight bands.
-NEAR_SIZE, NEAR_WAY = 2.0**-20, 2.0**-43
+# Boxes are met that are missed by this part of their size, or of the way to them: more than a matrix may be
+# off from a similarity, and far more than the band.
+NEAR_SIZE, NEAR_WAY = 2.0**-20, 2.0**-38
 SMALLEST_COMPONENT = 1e-18
 
 
@@ -127,21 +128,24 @@ def _enter(i, k, rays, places, pairs, place):
 
 
 @inlined
-def _meets_box(k, pairs, box, t_min, t_best):
-    """Tell whether row k of ``pairs`` comes near a box, given by middle and half sides, in time."""
-    o, d = pairs.origin[k], pairs.direction[k]
-    away, size = 0.0, 0.0
+def _meets_box(o, d, a, box, t_min, t_best):
+    """Tell whether a ray comes near the box of a place in time; plain sums will do for that."""
+    over = 1.0 / _square_of_scale(a)
+    hx, hy, hz = o[0] - a[0, 3], o[1] - a[1, 3], o[2] - a[2, 3]
+    away, longest, size = 0.0, 0.0, max(box[1, 0], box[1, 1], box[1, 2])
     for c in range(3):
-        away = max(away, abs(o[c] - box[0, c]))
-        size = max(size, box[1, c])
+        x = (a[0, c] * hx + a[1, c] * hy + a[2, c] * hz) * over
+        away = max(away, abs(x - box[0, c]), abs(box[0, c]))
+        longest = max(longest, abs(a[0, c] * d[0] + a[1, c] * d[1] + a[2, c] * d[2]) * over)
     margin = NEAR_SIZE * size + NEAR_WAY * away
-    near, far = t_min, t_best
+    least, near, far = SMALLEST_COMPONENT * longest, t_min, t_best
     for c in range(3):
-        step = d[c]
-        if abs(step) < SMALLEST_COMPONENT:
-            step = SMALLEST_COMPONENT
-        half = box[1, c] + margin
-        first, last = (box[0, c] - half - o[c]) / step, (box[0, c] + half - o[c]) / step
+        x = (a[0, c] * hx + a[1, c] * hy + a[2, c] * hz) * over - box[0, c]
+        step = (a[0, c] * d[0] + a[1, c] * d[1] + a[2, c] * d[2]) * over
+        if abs(step) < least:
+            step = least
+        half, per_t = box[1, c] + margin, 1.0 / step
+        first, last = (-half - x) * per_t, (half - x) * per_t
         near, far = max(near, min(first, last)), min(far, max(first, last))
     return near <= far
 
@@ -209,10 +213,10 @@ def next_places(places, members, rays, best, any_hit, walks, active, n_active, p
         top, first, count = np.int64(walks.top[i]), np.int64(walks.first[i]), walks.count[i]
         if top == -1 and abs(shift) > FARTHEST:
             # From so far single precision knows nothing: each place is asked.
-            top, first, count = 0, np.int64(0), tree.order.shape[0]
+            top, first, count = np.int64(0), np.int64(0), tree.order.shape[0]
         left = np.int64(count)
         stack = Stack(walks.key[i], walks.parent[i])
-        is_met = False
+        place, is_met = np.int64(0), False
         while not is_met:
             if left == 0:
                 t_cut = end_of(best.t[i], to_frame, shift)
@@ -220,18 +224,16 @@ def next_places(places, members, rays, best, any_hit, walks, active, n_active, p
                 all_nodes += nodes
                 if left == 0:
                     break
-            place = begin + tree.order[first]
+            place = np.int64(begin + tree.order[first])
             first += 1
             left -= 1
             block = places.block[place]
             if rays.known.shape[0] > 0 and rays.known[i, 4] == places.object_id[block]:
                 continue
-            _enter(i, n_pairs, rays, places, pairs, place)
-            unit = pairs.unit[n_pairs]
-            is_met = _meets_box(
-                n_pairs, pairs, places.box[block], rays.t_min[i] / unit, best.t[i] / unit
-            )
+            a, box = places.matrix[place], places.box[block]
+            is_met = _meets_box(o, d, a, box, rays.t_min[i], best.t[i])
         if is_met:
+            _enter(i, n_pairs, rays, places, pairs, place)
             _take_limits(i, n_pairs, rays, best, places, pairs)
             n_pairs += 1
             walks.top[i], walks.first[i], walks.count[i] = top, first, left

@@ -25,8 +25,6 @@ from meshing.sheet import PatchSheet
 from meshing.surface import Surface
 from meshing.trimmed import TrimmedSurface
 
-# Rays that are brought into places at a time: their stacks take some 600 B each.
-PIECE = 8192
 # By how much rounding moves a ray that starts near a place, of the largest coordinate there: that of
 # `kernels.instances.ROUNDING`, over ways as long as the surfaces and their distance from 0.
 NEAR = 2.0**-50
@@ -82,13 +80,15 @@ class InstanceKind:
         matrices = [item.matrices for _, item in members]
         boxes = np.concatenate([item.boxes for _, item in members])
         low, high = np.swapaxes([item.box for _, item in members], 0, 1)
-        self._trees = [_tree_of(boxes, rows) for rows in in_frames(boxes)]
+        self.trees = [_tree_of(boxes, rows) for rows in in_frames(boxes)]
         self.places = Places(
             matrix=matrices[0] if len(matrices) == 1 else np.concatenate(matrices),
             block=np.repeat(np.arange(len(members), dtype=np.int32), counts),
             first=np.cumsum([0, *counts[:-1]]).astype(np.int64),
             object_id=np.array([i for i, _ in members], np.int32),
-            box=np.ascontiguousarray(np.stack([0.5 * low + 0.5 * high, 0.5 * high - 0.5 * low], axis=1)),
+            box=np.ascontiguousarray(
+                np.stack([0.5 * low + 0.5 * high, 0.5 * high - 0.5 * low], axis=1)
+            ),
             n_patches=np.array([item.n_patches for _, item in members], np.int64),
             model=np.array(model, np.int32),
         )
@@ -99,7 +99,9 @@ class InstanceKind:
 
     def name_instances(self, hits: HitRecord) -> None:
         """Fill ``instance_id`` of the rows that hit instances."""
-        row = np.full(max(int(self.places.object_id.max()), int(hits.object_id.max(initial=0))) + 2, -1)
+        row = np.full(
+            max(int(self.places.object_id.max()), int(hits.object_id.max(initial=0))) + 2, -1
+        )
         row[self.places.object_id] = np.arange(len(self.places.object_id))
         block = row[hits.object_id]  # of a miss the last
         rows = np.flatnonzero(block >= 0)
@@ -120,12 +122,8 @@ class InstanceSlice:
         """Lower ``best`` to the first hits in all places."""
         del guess
         self._work = work
-        for begin in range(0, len(best.t), PIECE):
-            end = min(begin + PIECE, len(best.t))
-            some, nearest = rows_of(rays, begin, end), rows_of(best, begin, end)
-            held = self._member[begin:end], self._primitive[begin:end]
-            for members in self._kind._trees:
-                self._walk(members, some, nearest, any_hit, held, work)
+        for members in self._kind.trees:
+            self._walk(members, rays, best, any_hit, work)
 
     def _walk(
         self,
@@ -133,7 +131,6 @@ class InstanceSlice:
         rays: Rays,
         best: Nearest,
         any_hit: bool,
-        held: tuple[IntArray, IntArray],
         work: FloatArray,
     ) -> None:
         """Walk through one tree: in each round each ray comes to its next place, and is traced there."""
@@ -153,7 +150,7 @@ class InstanceSlice:
             for number, some in self._by_model(rows_of(pairs, 0, n_pairs)):
                 found = new_nearest(some.t)
                 self._kind.models[number].trace(_rays_of(some), found, any_hit, work)
-                kernels.keep_nearest(places, some, found, best, *held)
+                kernels.keep_nearest(places, some, found, best, self._member, self._primitive)
 
     def _by_model(self, pairs: Pairs) -> list[tuple[int, Pairs]]:
         """Return the rows of each model."""
@@ -185,7 +182,11 @@ class InstanceSlice:
         self, model: _Model, rows: NDArray[np.int64], rays: Rays, best: Nearest, out: Finished
     ) -> None:
         m, places = len(rows), self._kind.places
-        pairs, found, record = _new_pairs(m, len(rays.known) > 0), new_nearest(np.empty(m)), new_record(m)
+        pairs, found, record = (
+            _new_pairs(m, len(rays.known) > 0),
+            new_nearest(np.empty(m)),
+            new_record(m),
+        )
         kernels.enter_again(places, rays, best, self._member, self._primitive, rows, pairs, found)
         local = Finished(*(getattr(record, name) for name in Finished._fields))
         model.finish(_rays_of(pairs), found, local, self._work)

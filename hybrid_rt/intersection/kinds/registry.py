@@ -295,7 +295,7 @@ def _triangles(members: Members, accuracy: str, _pool: Pool) -> Kind:
     return TriangleKind(members, search=accuracy == "certified")
 
 
-def _instances(members: Members, _accuracy: str, pool: Pool) -> Kind:
+def _instances(members: Members, _accuracy: str, pool: Pool) -> Any:
     from hybrid_rt.intersection.kinds.instances import InstanceKind
 
     return InstanceKind(members, pool)

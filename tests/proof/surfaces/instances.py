@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -27,15 +28,15 @@ class _Place(NamedTuple):
     """A matrix, exact: its shift, the rows of its inverse times the determinant, and that one."""
 
     shift: RationalVector
-    rows: list[RationalVector]
+    rows: Sequence[RationalVector]
     volume: Rational
     scale: float
 
-    def point(self, p: RationalVector) -> RationalVector:
+    def point(self, p: RationalVector) -> list[Rational]:
         """Return a point in the frame of the surfaces."""
         return self.vector([a - b for a, b in zip(p, self.shift, strict=True)])
 
-    def vector(self, x: RationalVector) -> RationalVector:
+    def vector(self, x: RationalVector) -> list[Rational]:
         """Return a vector in the frame of the surfaces."""
         return [dot(row, x) / self.volume for row in self.rows]
 
