@@ -84,6 +84,7 @@ class Instances(Surface):
         if not several:
             raise ValueError("Instances surfaces is empty: pass at least one surface")
         self.surfaces: tuple[Surface, ...] = several
+        self.is_closed = all(surface.is_closed for surface in several)  # type: ignore[misc]
         self._first = np.cumsum([0, *map(len, several)])
         self.matrices, self.scale = _similarities(matrices)
         if self.n_patches * len(self.matrices) > MOST_PATCHES:
@@ -165,6 +166,20 @@ class Instances(Surface):
         sign = np.sign(np.linalg.det(self.matrices[place, :, :3] / self.scale[place, None, None]))
         unit: FloatArray = normals * (sign / np.linalg.norm(normals, axis=1))[:, None]
         return unit
+
+    @property
+    def texture_coordinates(self) -> FloatArray | None:
+        """Those of the first mesh that has some; None: textures are looked up at (u, v)."""
+        found = (getattr(surface, "texture_coordinates", None) for surface in self.surfaces)
+        return next((one for one in found if one is not None), None)
+
+    def texture_point(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
+        """Return where textures are looked up at (u, v) of patches, (n, 2): see `TriangleMesh`."""
+        points = np.stack([u, v], axis=1)
+        for surface, rows, own in self._members_at(patch_id)[1]:
+            if getattr(surface, "texture_coordinates", None) is not None:
+                points[rows] = surface.texture_point(u[rows], v[rows], own)  # type: ignore[attr-defined]
+        return points
 
     def _members_at(
         self, patch_id: IdArray
