@@ -130,9 +130,9 @@ class HitRecord:
     def to_dataframe(self) -> Any:
         """Return a pandas.DataFrame of n rows, one column per number.
 
-        Columns: t, object_id, patch_id, instance_id, u, v, x, y, z (position), nx, ny, nz (normal), front_face,
+        Columns: t, object_id, patch_id, u, v, x, y, z (position), nx, ny, nz (normal), front_face,
         status (MISS, HIT, TANGENT), normal_degenerate, edge (the flags, as bools), t_bound,
-        residual. Lengths are in scene units; t and t_bound are in lengths of each ray's direction.
+        residual, instance_id. Lengths are in scene units; t and t_bound are in lengths of each ray's direction.
 
         Raises
         ------
@@ -169,7 +169,6 @@ class HitRecord:
             "t": self.t,
             "object_id": self.object_id,
             "patch_id": self.patch_id,
-            "instance_id": self.instance_id,
             "u": self.u,
             "v": self.v,
             **dict(zip(("x", "y", "z"), self.position.T, strict=True)),
@@ -180,6 +179,7 @@ class HitRecord:
             "edge": (self.flags & Flag.EDGE) != 0,
             "t_bound": self.t_bound,
             "residual": self.residual,
+            "instance_id": self.instance_id,
         }
 
 

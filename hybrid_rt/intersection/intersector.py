@@ -13,7 +13,6 @@ from __future__ import annotations
 import copy
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -276,7 +275,6 @@ class Intersector:
                 self.counters[name] += number
         self.counters["misses"] = self.counters["rays"] - self.counters["hits"]
         if self._instances is not None:
-            record = replace(record, instance_id=np.full(n, -1, np.int32))
             self._instances.name_instances(record)
         return record
 

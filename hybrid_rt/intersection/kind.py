@@ -11,9 +11,6 @@ from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 
-# One number stands for all rows, where no instances are.
-NONE = np.array(-1, np.int32)
-
 
 class Finished(NamedTuple):
     """The part of a `HitRecord` that each kind of surface fills for its own rows."""
@@ -156,7 +153,7 @@ def new_record(n: int) -> HitRecord:
         flags=np.zeros(n, np.uint8),
         t_bound=np.empty(n),
         residual=np.empty(n),
-        instance_id=np.broadcast_to(NONE, n),
+        instance_id=np.full(n, -1, np.int32),
     )
 
 
