@@ -25,6 +25,8 @@ from meshing.sheet import PatchSheet
 from meshing.surface import Surface
 from meshing.trimmed import TrimmedSurface
 
+# As fast as one place a leaf, with a sixth of the nodes.
+LEAF_SIZE = 4
 # By how much rounding moves a ray that starts near a place, of the largest coordinate there: that of
 # `kernels.instances.ROUNDING`, over ways as long as the surfaces and their distance from 0.
 NEAR = 2.0**-50
@@ -160,9 +162,15 @@ class InstanceSlice:
             return [(0, pairs)]
         places = self._kind.places
         model = places.model[places.block[pairs.place]]
+        order = np.argsort(model, kind="stable")
+        pairs, numbers = (
+            Pairs(*(x[order] if len(x) else x for x in pairs)),
+            np.arange(model.max() + 2),
+        )
+        ends = np.searchsorted(model[order], numbers)
         return [
-            (int(number), Pairs(*(x[model == number] if len(x) else x for x in pairs)))
-            for number in np.unique(model)
+            (int(k), rows_of(pairs, int(ends[k]), int(ends[k + 1])))
+            for k in numbers[:-1][np.diff(ends) > 0]
         ]
 
     def finish(
@@ -195,7 +203,7 @@ class InstanceSlice:
 
 def _tree_of(boxes: FloatArray, rows: NDArray[np.int64]) -> Members:
     """Return a tree over some of the boxes, whose primitives are their rows."""
-    members = tree_over(boxes[rows], 0, 1)
+    members = tree_over(boxes[rows], 0, LEAF_SIZE)
     order = rows[members.tree.order].astype(np.int32)
     return members._replace(tree=members.tree._replace(order=order))
 
