@@ -243,7 +243,7 @@ def next_places(places, members, rays, best, any_hit, walks, active, n_active, p
 
 
 @kernel
-def keep_nearest(places, pairs, found, best, member, primitive):
+def keep_nearest(places, pairs, found, rays, best, member, primitive):
     """Lower ``best`` to what was found in places.
 
     Equal t: the lower object, then the lower place, surface, patch of it.
@@ -254,6 +254,8 @@ def keep_nearest(places, pairs, found, best, member, primitive):
     pairs : Pairs of m rows
     found : Nearest of m rows
         Its objects are the surfaces in a place.
+    rays : Rays of n rows
+        In its scratch is noted which rays begin on a face, see `search.nearest.note_departure`.
     best : Nearest of n rows, changed
         ``primitive`` becomes the place.
     member, primitive : (n,) int32, changed
@@ -262,6 +264,11 @@ def keep_nearest(places, pairs, found, best, member, primitive):
     for k in range(found.t.shape[0]):
         i, place, unit = pairs.row[k], pairs.place[k], pairs.unit[k]
         best.doubt[i] = min(best.doubt[i], found.doubt[k] * unit)
+        if pairs.known.shape[0] > 0 and not np.isnan(pairs.known[k, 5]):
+            # Of faces in two places nothing tells whether they lie in one plane.
+            if not np.isnan(rays.known[i, 5]):
+                best.doubt[i] = -np.inf
+            rays.known[i, 5] = np.inf
         if found.object_id[k] < 0:
             continue
         t, object_id = found.t[k] * unit, places.object_id[places.block[place]]

@@ -152,7 +152,7 @@ class InstanceSlice:
             for number, some in self._by_model(rows_of(pairs, 0, n_pairs)):
                 found = new_nearest(some.t)
                 self._kind.models[number].trace(_rays_of(some), found, any_hit, work)
-                kernels.keep_nearest(places, some, found, best, self._member, self._primitive)
+                kernels.keep_nearest(places, some, found, rays, best, self._member, self._primitive)
 
     def _by_model(self, pairs: Pairs) -> list[tuple[int, Pairs]]:
         """Return the rows of each model."""

@@ -13,6 +13,7 @@ from hybrid_rt import (
     Extrusion,
     Instances,
     Intersector,
+    NamedPoints,
     Plane,
     Rectangle,
     Sphere,
@@ -182,6 +183,19 @@ def test_a_point_that_is_left_is_left_out_on_touching_places_too():
     above = two.intersect(hits.position, (0, 0, 1), source=hits)
     assert (above.t, above.instance_id) == (1.0, 1)
     assert not two.occluded(hits.position, (0, 0, 1), 1.0, source=hits).any()
+
+
+def test_rays_that_leave_an_edge_between_two_places_are_in_doubt():
+    # A step of two cubes: the upper one stands on the lower one, flush with nothing but this edge.
+    matrices = np.tile(np.eye(4), (2, 1, 1))
+    matrices[1, :3, 3] = 0.5, 0.0, 1.0
+    given = Instances(Box((0, 0, 0), (1, 1, 1)), matrices)
+    d = np.tile([(-0.3, 0.1, 0.5), (0.3, 0.1, 0.5)], (2, 1))
+    o = np.array([(0.5, 0.5, 1.0), (0.5, 0.5, 1.0), (0.4, 0.5, 1.0), (0.4, 0.5, 1.0)])
+    for surfaces in (given, copies_of(given)):
+        hits = trace(surfaces, o, d, source=NamedPoints(np.zeros(4, np.int32), o))
+        assert (hits.status[:2] == Status.TANGENT).all()
+        np.testing.assert_array_equal(hits.status[2:], [Status.MISS, Status.HIT])
 
 
 def test_an_object_that_is_not_seen_is_so_in_all_places():
