@@ -173,8 +173,8 @@ def _take_limits(i, k, rays, best, places, pairs):
 
 
 @kernel
-def next_places(places, members, rays, best, any_hit, walks, active, n_active, pairs):
-    """Bring each ray that is still walking into the next place whose box it meets.
+def next_places(places, members, rays, best, any_hit, walks, active, n_active, most, pairs):
+    """Bring each ray that is still walking into the next places whose boxes it meets.
 
     Parameters
     ----------
@@ -188,7 +188,9 @@ def next_places(places, members, rays, best, any_hit, walks, active, n_active, p
     walks : Walks of n rows, changed
     active : (n,) int64, changed
         The first ``n_active`` are rows that are walking; afterwards those that go on.
-    pairs : Pairs of n rows, written
+    most : int
+        Places of each ray.
+    pairs : Pairs of ``n_active * most`` rows or more, written
         Their t is what is nearest so far, and a little more where a tie may be found.
 
     Returns
@@ -216,8 +218,8 @@ def next_places(places, members, rays, best, any_hit, walks, active, n_active, p
             top, first, count = np.int64(0), np.int64(0), tree.order.shape[0]
         left = np.int64(count)
         stack = Stack(walks.key[i], walks.parent[i])
-        place, is_met = np.int64(0), False
-        while not is_met:
+        found = 0
+        while found < most:
             if left == 0:
                 t_cut = end_of(best.t[i], to_frame, shift)
                 top, first, left, nodes = next_leaf(tree, ray, t_lo, t_cut, stack, top)
@@ -231,11 +233,12 @@ def next_places(places, members, rays, best, any_hit, walks, active, n_active, p
             if rays.known.shape[0] > 0 and rays.known[i, 4] == places.object_id[block]:
                 continue
             a, box = places.matrix[place], places.box[block]
-            is_met = _meets_box(o, d, a, box, rays.t_min[i], best.t[i])
-        if is_met:
-            _enter(i, n_pairs, rays, places, pairs, place)
-            _take_limits(i, n_pairs, rays, best, places, pairs)
-            n_pairs += 1
+            if _meets_box(o, d, a, box, rays.t_min[i], best.t[i]):
+                _enter(i, n_pairs, rays, places, pairs, place)
+                _take_limits(i, n_pairs, rays, best, places, pairs)
+                n_pairs += 1
+                found += 1
+        if found == most:
             walks.top[i], walks.first[i], walks.count[i] = top, first, left
             active[n_left] = i
             n_left += 1

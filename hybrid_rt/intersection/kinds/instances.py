@@ -25,6 +25,8 @@ from meshing.sheet import PatchSheet
 from meshing.surface import Surface
 from meshing.trimmed import TrimmedSurface
 
+# A round costs as much as tracing some hundred rays: few rays come to several places in one, up to MOST.
+FEW, MOST = 512, 8
 # As fast as one place a leaf, with a sixth of the nodes.
 LEAF_SIZE = 4
 # By how much rounding moves a ray that starts near a place, of the largest coordinate there: that of
@@ -135,18 +137,19 @@ class InstanceSlice:
         any_hit: bool,
         work: FloatArray,
     ) -> None:
-        """Walk through one tree: in each round each ray comes to its next place, and is traced there."""
+        """Walk through one tree: in each round each ray comes to its next places, and is traced there."""
         n, places = len(best.t), self._kind.places
         room = members.tree.stack
         walks = Walks(
             np.full(n, -1, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32),
             np.empty((n, room), np.int32), np.empty((n, room), np.uint32),
         )  # fmt: skip
-        active, pairs = np.arange(n), _new_pairs(n, len(rays.known) > 0)
+        active, pairs = np.arange(n), _new_pairs(max(n, FEW), len(rays.known) > 0)
         n_active = n
         while n_active:
+            most = min(max(FEW // n_active, 1), MOST)
             n_active, n_pairs, nodes = kernels.next_places(
-                places, members, rays, best, any_hit, walks, active, n_active, pairs
+                places, members, rays, best, any_hit, walks, active, n_active, most, pairs
             )
             work[NODES] += nodes
             for number, some in self._by_model(rows_of(pairs, 0, n_pairs)):
