@@ -37,7 +37,9 @@ class Places(NamedTuple):
     block: Any  # (n,) int32: the row of its object below
     first: Any  # (blocks,) int64: its first place
     object_id: Any  # (blocks,) int32
-    box: Any  # (blocks, 2, 3) float64: middle and half sides, in the frame of the surfaces
+    # (blocks, 3) float64: where the frame of the surfaces has its origin, where they are given
+    origin: Any
+    box: Any  # (blocks, 2, 3) float64: middle and half sides, in that frame
     n_patches: Any  # (blocks,) int64
     model: Any  # (blocks,) int32: which surfaces
 
@@ -66,8 +68,8 @@ class Pairs(NamedTuple):
 
 
 @inlined
-def _residual(h, low, a, x, y, z):
-    """Return h + low - a . (x, y, z) with two roundings, where little is left of h."""
+def _less_product(h, low, a, x, y, z):
+    """Return h + low - a . (x, y, z) as a sum of two numbers."""
     p, e = product(a[0], x)
     h, f = two_difference(h, p)
     low += f - e
@@ -76,7 +78,9 @@ def _residual(h, low, a, x, y, z):
     low += f - e
     p, e = product(a[2], z)
     h, f = two_difference(h, p)
-    return h + (low + (f - e))
+    low += f - e
+    r = h + low
+    return r, low - (r - h)
 
 
 @inlined
@@ -85,9 +89,9 @@ def _taken_back(a, over, hx, lx, hy, ly, hz, lz):
     x = (a[0, 0] * hx + a[1, 0] * hy + a[2, 0] * hz) * over
     y = (a[0, 1] * hx + a[1, 1] * hy + a[2, 1] * hz) * over
     z = (a[0, 2] * hx + a[1, 2] * hy + a[2, 2] * hz) * over
-    rx = _residual(hx, lx, a[0], x, y, z)
-    ry = _residual(hy, ly, a[1], x, y, z)
-    rz = _residual(hz, lz, a[2], x, y, z)
+    rx, _ = _less_product(hx, lx, a[0], x, y, z)
+    ry, _ = _less_product(hy, ly, a[1], x, y, z)
+    rz, _ = _less_product(hz, lz, a[2], x, y, z)
     x += (a[0, 0] * rx + a[1, 0] * ry + a[2, 0] * rz) * over
     y += (a[0, 1] * rx + a[1, 1] * ry + a[2, 1] * rz) * over
     z += (a[0, 2] * rx + a[1, 2] * ry + a[2, 2] * rz) * over
@@ -119,6 +123,11 @@ def _enter(i, k, rays, places, pairs, place):
     hx, lx = two_difference(o[0], a[0, 3])
     hy, ly = two_difference(o[1], a[1, 3])
     hz, lz = two_difference(o[2], a[2, 3])
+    c = places.origin[places.block[place]]
+    if c[0] != 0.0 or c[1] != 0.0 or c[2] != 0.0:
+        hx, lx = _less_product(hx, lx, a[0], c[0], c[1], c[2])
+        hy, ly = _less_product(hy, ly, a[1], c[0], c[1], c[2])
+        hz, lz = _less_product(hz, lz, a[2], c[0], c[1], c[2])
     x, y, z = _taken_back(a, over, hx, lx, hy, ly, hz, lz)
     pairs.origin[k, 0], pairs.origin[k, 1], pairs.origin[k, 2] = x, y, z
     x, y, z = _taken_back(a, over, d[0], 0.0, d[1], 0.0, d[2], 0.0)
@@ -128,23 +137,23 @@ def _enter(i, k, rays, places, pairs, place):
 
 
 @inlined
-def _meets_box(o, d, a, box, t_min, t_best):
+def _meets_box(o, d, a, c, box, t_min, t_best):
     """Tell whether a ray comes near the box of a place in time; plain sums will do for that."""
     over = 1.0 / _square_of_scale(a)
     hx, hy, hz = o[0] - a[0, 3], o[1] - a[1, 3], o[2] - a[2, 3]
     away, longest, size = 0.0, 0.0, max(box[1, 0], box[1, 1], box[1, 2])
-    for c in range(3):
-        x = (a[0, c] * hx + a[1, c] * hy + a[2, c] * hz) * over
-        away = max(away, abs(x - box[0, c]), abs(box[0, c]))
-        longest = max(longest, abs(a[0, c] * d[0] + a[1, c] * d[1] + a[2, c] * d[2]) * over)
+    for k in range(3):
+        x = (a[0, k] * hx + a[1, k] * hy + a[2, k] * hz) * over
+        away = max(away, abs(x), abs(c[k]), abs(box[0, k]))
+        longest = max(longest, abs(a[0, k] * d[0] + a[1, k] * d[1] + a[2, k] * d[2]) * over)
     margin = NEAR_SIZE * size + NEAR_WAY * away
     least, near, far = SMALLEST_COMPONENT * longest, t_min, t_best
-    for c in range(3):
-        x = (a[0, c] * hx + a[1, c] * hy + a[2, c] * hz) * over - box[0, c]
-        step = (a[0, c] * d[0] + a[1, c] * d[1] + a[2, c] * d[2]) * over
+    for k in range(3):
+        x = (a[0, k] * hx + a[1, k] * hy + a[2, k] * hz) * over - c[k] - box[0, k]
+        step = (a[0, k] * d[0] + a[1, k] * d[1] + a[2, k] * d[2]) * over
         if abs(step) < least:
             step = least
-        half, per_t = box[1, c] + margin, 1.0 / step
+        half, per_t = box[1, k] + margin, 1.0 / step
         first, last = (-half - x) * per_t, (half - x) * per_t
         near, far = max(near, min(first, last)), min(far, max(first, last))
     return near <= far
@@ -232,8 +241,8 @@ def next_places(places, members, rays, best, any_hit, walks, active, n_active, m
             block = places.block[place]
             if rays.known.shape[0] > 0 and rays.known[i, 4] == places.object_id[block]:
                 continue
-            a, box = places.matrix[place], places.box[block]
-            if _meets_box(o, d, a, box, rays.t_min[i], best.t[i]):
+            a, c, box = places.matrix[place], places.origin[block], places.box[block]
+            if _meets_box(o, d, a, c, box, rays.t_min[i], best.t[i]):
                 _enter(i, n_pairs, rays, places, pairs, place)
                 _take_limits(i, n_pairs, rays, best, places, pairs)
                 n_pairs += 1
@@ -307,14 +316,11 @@ def enter_again(places, rays, best, member, primitive, rows, pairs, found):
 
 
 @inlined
-def _image(a, j, p):
-    """Return coordinate j of A p + b, with one rounding."""
-    high, low = a[j, 3], 0.0
-    for c in range(3):
-        q, e = product(a[j, c], p[c])
-        high, f = two_difference(high, -q)
-        low += e + f
-    return high + low
+def _image(a, j, c, p):
+    """Return coordinate j of A (c + p) + b, with one rounding."""
+    high, low = _less_product(a[j, 3], 0.0, a[j], -c[0], -c[1], -c[2])
+    high, _ = _less_product(high, low, a[j], -p[0], -p[1], -p[2])
+    return high
 
 
 @kernel
@@ -346,7 +352,7 @@ def leave_places(places, pairs, found, first_patch, local, rays, best, out):
             length = -length
         out.normal[i, 0], out.normal[i, 1], out.normal[i, 2] = x / length, y / length, z / length
         for c in range(3):
-            out.position[i, c] = _image(a, c, local.position[k])
+            out.position[i, c] = _image(a, c, places.origin[block], local.position[k])
         out.u[i], out.v[i], out.flags[i] = local.u[k], local.v[k], local.flags[k]
         out.residual[i] = local.residual[k] * np.sqrt(_square_of_scale(a))
         own = first_patch[found.object_id[k]] + local.patch_id[k]

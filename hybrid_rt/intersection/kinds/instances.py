@@ -40,7 +40,13 @@ class _Model:
     By what their frame rounds of a ray they are taken to be ``moved``, as images are.
     """
 
-    def __init__(self, surfaces: Sequence[Surface], moved: float, pool: Pool) -> None:
+    def __init__(
+        self, surfaces: Sequence[Surface], origin: FloatArray, moved: float, pool: Pool
+    ) -> None:
+        if origin.any():
+            shift = np.eye(4)
+            shift[:3, 3] = -origin
+            surfaces = [surface.transformed(shift) for surface in surfaces]
         checked = check_surfaces([_moved_by(surface, moved) for surface in surfaces])
         made = make_kinds(checked, "certified", pool)
         self.kinds: list[Any] = [*made.direct, *made.curved]
@@ -72,24 +78,28 @@ class InstanceKind:
     def __init__(self, members: Sequence[tuple[int, Instances]], pool: Pool) -> None:
         numbers: dict[tuple[object, ...], int] = {}
         self.models: list[_Model] = []
-        model = []
+        model: list[int] = []
+        origin, box = list[FloatArray](), list[FloatArray]()
         for _, item in members:
-            moved = NEAR * float(np.abs(item.box).max()) + item.moved / float(item.scale.min())
+            origin.append(_origin_of(item.box))
+            box.append(item.box - origin[-1])
+            moved = NEAR * float(np.abs(box[-1]).max()) + item.moved / float(item.scale.min())
             key = (moved, *map(id, item.surfaces))
             if key not in numbers:
                 numbers[key] = len(self.models)
-                self.models.append(_Model(item.surfaces, moved, pool))
+                self.models.append(_Model(item.surfaces, origin[-1], moved, pool))
             model.append(numbers[key])
         counts = [len(item.matrices) for _, item in members]
         matrices = [item.matrices for _, item in members]
         boxes = np.concatenate([item.boxes for _, item in members])
-        low, high = np.swapaxes([item.box for _, item in members], 0, 1)
+        low, high = np.swapaxes(box, 0, 1)
         self.trees = [_tree_of(boxes, rows) for rows in in_frames(boxes)]
         self.places = Places(
             matrix=matrices[0] if len(matrices) == 1 else np.concatenate(matrices),
             block=np.repeat(np.arange(len(members), dtype=np.int32), counts),
             first=np.cumsum([0, *counts[:-1]]).astype(np.int64),
             object_id=np.array([i for i, _ in members], np.int32),
+            origin=np.array(origin),
             box=np.ascontiguousarray(
                 np.stack([0.5 * low + 0.5 * high, 0.5 * high - 0.5 * low], axis=1)
             ),
@@ -202,6 +212,16 @@ class InstanceSlice:
         local = Finished(*(getattr(record, name) for name in Finished._fields))
         model.finish(_rays_of(pairs), found, local, self._work)
         kernels.leave_places(places, pairs, found, model.first_patch, local, rays, best, out)
+
+
+def _origin_of(box: FloatArray) -> FloatArray:
+    """Return the origin of the frame of surfaces: 0 along axes on which they are near 0.
+
+    Elsewhere a number of few bits, by which they are shifted without rounding, or with one of their size.
+    """
+    middle, size = 0.5 * box[0] + 0.5 * box[1], float(np.linalg.norm(box[1] - box[0]))
+    step = 2.0 ** np.floor(np.log2(size))
+    return np.where(np.abs(middle) > size, np.round(middle / step) * step, 0.0)
 
 
 def _tree_of(boxes: FloatArray, rows: NDArray[np.int64]) -> Members:

@@ -25,6 +25,7 @@ from hybrid_rt import (
     demo,
 )
 from proof.cases.campaign import patches_of_mixed_degrees
+from proof.cases.placed import placed
 from proof.cases.rational_surfaces import octants
 from proof.cases.rays import hard_rays
 from proof.cases.trimmed_surfaces import trimmed_patch
@@ -81,12 +82,20 @@ def rays_through(rng, bounds, n):
     return o, rng.uniform(low, high, (n, 3)) - o
 
 
-@pytest.mark.parametrize("far", [0.0, 1e6])
-@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize(
+    ("scale", "far", "aside"),
+    [(1e-3, 0, 0), (1, 0, 0), (1e3, 0, 0), (1e-3, 1e6, 0), (1e3, 1e6, 0), (1, 0, 1e5)],
+)
 @pytest.mark.parametrize("name", QUICK)
-def test_rows_hold_for_the_exact_image(name, scale, far):
+def test_rows_hold_for_the_exact_image(name, scale, far, aside):
+    """``aside``: the surface is given far from 0, and matrices bring it back."""
     rng = np.random.default_rng(7)
-    instances = Instances(QUICK[name], similarities(rng, 2, scale, 1.5 * scale, far))
+    shift = aside * np.array([1.0, -0.7, 0.4])
+    given = placed(QUICK[name], np.block([[np.eye(3), shift[:, None]], [np.zeros(3), 1.0]]))
+    given.moved = 0.0
+    matrices = similarities(rng, 2, scale, 1.5 * scale, far)
+    matrices[:, :, 3] -= matrices[:, :, :3] @ shift
+    instances = Instances(given, matrices)
     rays = hard_rays(copies_of(instances), 24, 11)
     hits = trace(instances, rays.origins, rays.directions)
     several, named = one_by_one(instances, hits)
