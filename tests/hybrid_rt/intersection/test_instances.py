@@ -62,8 +62,11 @@ SEVERAL = [QUICK["sphere"], QUICK["box"], MESH, SLOW["rational"], SLOW["trimmed 
 
 
 def similarities(rng, n, scale=1.0, spread=2.0, far=0.0):
-    """Matrices (n, 3, 4): turned, half of them mirrored, about a point ``far`` from 0."""
+    """Matrices (n, 3, 4): turned, every second mirrored, about a point ``far`` from 0."""
     turn = np.linalg.qr(rng.normal(size=(n, 3, 3)))[0]
+    turn[1::2] *= -1.0
+    # As far from similarities as they may be; a copy is moved by that.
+    turn *= 1.0 + 1e-13 * rng.uniform(-1, 1, (n, 3, 3))
     shift = far * rng.uniform(-1, 1, 3) + spread * rng.uniform(-1, 1, (n, 3))
     return np.concatenate([scale * turn, shift[:, :, None]], axis=2)
 
@@ -100,8 +103,9 @@ def test_rows_hold_for_the_exact_image(name, scale, far, aside):
     hits = trace(instances, rays.origins, rays.directions)
     several, named = one_by_one(instances, hits)
     verdict = ExactJudge(several).judge(named, rays.origins, rays.directions, marks=False)
-    assert verdict.n_wrong == verdict.bounds_broken == verdict.off_ray == verdict.unmarked == 0
-    assert hits.hit.sum() > 5
+    # At an edge of a box rounding may name the face beside that which the exact ray meets, within the bound.
+    assert verdict.n_wrong == verdict.bounds_broken == verdict.off_ray == 0
+    assert hits.hit.sum() > 3
 
 
 @pytest.mark.parametrize("given", [*QUICK.values(), *SLOW.values(), SEVERAL],
@@ -128,10 +132,14 @@ def test_hits_are_those_of_transformed_copies(given):
     np.testing.assert_array_equal(member, (b.object_id[on] - 1) % n)
     np.testing.assert_array_equal(own, b.patch_id[on])
     # Points are rounded where they lie, and t that is rounded moves them along flat rays.
-    np.testing.assert_allclose(a.normal[met], b.normal[met], atol=1e-9)
+    cosine = np.einsum("ij,ij->i", a.normal[met], b.normal[met])
+    # A copy of a box has its normals outside even if it is mirrored.
+    has_box = any(isinstance(surface, Box) for surface in instances.surfaces)
+    np.testing.assert_allclose(np.abs(cosine) if has_box else cosine, 1.0, atol=1e-12)
     np.testing.assert_allclose(a.position[met], b.position[met], atol=1e-9)
-    where = instances.point(a.u[on], a.v[on], a.patch_id[on])
-    np.testing.assert_allclose(where, a.position[on], atol=1e-14)
+    where = a.u[on], a.v[on], a.patch_id[on]
+    np.testing.assert_allclose(instances.point(*where), a.position[on], atol=1e-14)
+    np.testing.assert_allclose(instances.normal(*where), a.normal[on], atol=1e-12)
     np.testing.assert_array_equal(one.occluded(o, d), other.occluded(o, d))
     np.testing.assert_array_equal(one.intersect_all(o, d).count, other.intersect_all(o, d).count)
     # --- and of rays that leave them
