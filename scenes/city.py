@@ -19,7 +19,6 @@ from hybrid_rt import (
     GradientSky,
     Instances,
     Lambertian,
-    Metal,
     Object,
     Scene,
     Sphere,
@@ -103,7 +102,7 @@ def lantern() -> list[Surface]:
 
 BUILDINGS: dict[str, tuple[Surface | list[Surface], Material, float, float]] = {
     # Shape, material, and how often it stands in the middle of the city, and at its rim.
-    "twisted tower": (twisted(190.0, 0.3), Metal((0.62, 0.66, 0.72), 0.25), 0.22, 0.0),
+    "twisted tower": (twisted(190.0, 0.3), Lambertian((0.26, 0.36, 0.48)), 0.22, 0.0),
     "low twisted house": (twisted(70.0, 0.12), Lambertian((0.70, 0.62, 0.52)), 0.18, 0.12),
     "stepped tower": (stepped(), Lambertian((0.74, 0.70, 0.64)), 0.24, 0.0),
     "waisted tower": (waisted(), Lambertian((0.55, 0.60, 0.66)), 0.16, 0.02),
