@@ -12,5 +12,6 @@ def pytest_configure(config):
     cores = sorted(os.sched_getaffinity(0))
     share = len(cores) // int(os.environ["PYTEST_XDIST_WORKER_COUNT"])
     if share:
-        first = share * int(worker.removeprefix("gw"))
+        # One that takes the place of a crashed one has a number beyond the count.
+        first = share * int(worker.removeprefix("gw")) % len(cores)
         os.sched_setaffinity(0, cores[first : first + share])

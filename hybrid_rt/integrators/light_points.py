@@ -75,8 +75,8 @@ def pdf_area_of_hits(
         0 for other rows; no rows if the scene has no light of kind `SURFACE`.
     """
     density = np.zeros(light_id.size if scene.shining else 0)
-    for number, light in scene.shining.items():
-        is_met = light_id == number
+    for number in np.intersect1d(light_id, list(scene.shining)).tolist():
+        light, is_met = scene.shining[number], light_id == number
         rows = np.flatnonzero(is_met & is_asked)
         if rows.size:
             density[rows] = light.seen_pdf_area(seen_from[rows], hits[rows])
@@ -105,10 +105,8 @@ def _points(
 ) -> LightPoints:
     """Return chosen points in the rows of each light of kind `SURFACE`."""
     points = new_light_points(light_id.size if scene.shining else 0)
-    for number, light in scene.shining.items():
+    for number in np.intersect1d(light_id, list(scene.shining)).tolist():
         rows = np.flatnonzero(light_id == number)
-        if rows.size == 0:
-            continue
-        for column, values in zip(points, chosen(light, rows), strict=True):
+        for column, values in zip(points, chosen(scene.shining[number], rows), strict=True):
             column[rows] = values
     return points

@@ -54,7 +54,8 @@ class Rectangle(Surface):
     @property
     def bounds(self) -> FloatArray:
         """(2, 3): lower and upper corner."""
-        corners = self.point([0, 1, 0, 1], [0, 0, 1, 1])
+        along_u = self.corner + self.edge_u
+        corners = np.stack([self.corner, along_u, self.corner + self.edge_v, along_u + self.edge_v])
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
     def _points(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:

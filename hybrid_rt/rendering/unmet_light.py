@@ -214,7 +214,16 @@ def _is_speck(scene: CompiledScene, passes: int) -> BoolArray:
     A lamp of which none of the points tried is in the picture counts if another point of it may be.
     What stands before lamps is not looked at, and a lens counts as its middle.
     """
-    is_speck = np.zeros(scene.n_lights, dtype=np.bool_)
+    rays, may_be_seen = scene.once("rays to lamps", lambda: _rays_to_lamps(scene))
+    return np.where(np.isnan(rays), may_be_seen, passes * rays < SURELY_MET)
+
+
+def _rays_to_lamps(scene: CompiledScene) -> tuple[FloatArray, BoolArray]:
+    """Return how many camera rays of a pass meet each lamp, nan if none of its points is in the picture.
+
+    And whether another point of it may be.
+    """
+    rays, may_be_seen = np.full(scene.n_lights, np.inf), np.zeros(scene.n_lights, dtype=np.bool_)
     camera, side = scene.camera, (np.arange(ACROSS) + 0.5) / ACROSS
     xi = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
     for light, number in enumerate(scene.surface_of_light.tolist()):
@@ -233,8 +242,9 @@ def _is_speck(scene: CompiledScene, passes: int) -> BoolArray:
         if (counts & (pixel >= 0)).any():
             below = distance**3 * points.pdf_area
             each = np.divide(facing * pdf, below, out=np.zeros_like(below), where=counts)
-            is_speck[light] = passes * each.mean() < SURELY_MET
+            rays[light] = each.mean()
         else:
             bounds = scene.surfaces[number].bounds
-            is_speck[light] = counts.any() and camera.may_see(bounds, from_the_middle=True)
-    return is_speck
+            rays[light] = np.nan
+            may_be_seen[light] = counts.any() and camera.may_see(bounds, from_the_middle=True)
+    return rays, may_be_seen

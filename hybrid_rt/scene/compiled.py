@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -31,6 +32,8 @@ from hybrid_rt.textures.texture import ConstantTexture, Texture
 
 NOTHING = -1
 """In a table of indices: there is none."""
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -57,21 +60,39 @@ class CompiledScene:
     vertex_normals: dict[
         int, FloatArray
     ]  # (vertices, 3) of smooth meshes, by index in ``surfaces``
+    found: dict[Hashable, Any] = field(default_factory=dict)  # by `once`
+
+    def once(self, name: Hashable, find: Callable[[], T]) -> T:
+        """Return what follows from surfaces and materials alone: it is found at the first call.
+
+        A copy by `dataclasses.replace`, with other lights say, knows it too.
+        """
+        if name not in self.found:
+            self.found[name] = find()
+        found: T = self.found[name]
+        return found
 
     @property
     def n_lights(self) -> int:
         """Return the number of lights, without the environment."""
         return int(self.lights.kind.size)
 
+    @property
+    def bounds(self) -> FloatArray:
+        """(surfaces, 2, 3): the box around each; without end in all directions if the surface is."""
+        endless = np.array([[-np.inf] * 3, [np.inf] * 3])
+
+        def find() -> FloatArray:
+            boxes = [s.bounds if s.is_bounded else endless for s in self.surfaces]
+            return np.array(boxes, dtype=np.float64).reshape(-1, 2, 3)
+
+        return self.once("bounds", find)
+
     @cached_property
     def widths(self) -> FloatArray:
         """(surfaces,): the second longest side of the box around each, how wide a flat or long body is."""
-        return np.array(
-            [
-                np.sort(np.ptp(s.bounds, axis=0))[1] if s.is_bounded else np.inf
-                for s in self.surfaces
-            ]
-        )
+        widths: FloatArray = np.sort(self.bounds[:, 1] - self.bounds[:, 0], axis=1)[:, 1]
+        return widths
 
     @cached_property
     def colored_by_uv(self) -> BoolArray:

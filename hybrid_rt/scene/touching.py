@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterator
 
 import numpy as np
 
@@ -22,9 +22,15 @@ def touching(scene: CompiledScene) -> BoolArray:
     patches. Others may coincide where their bounding boxes overlap, but surfaces of revolution about one
     axis only where their profiles may share an arc.
     """
+    return scene.once("touching", lambda: _touching(scene))
+
+
+def _touching(scene: CompiledScene) -> BoolArray:
     surfaces = scene.surfaces
     touches = np.zeros(max(len(surfaces), 1), dtype=np.bool_)
     glass = {i for i in range(len(surfaces)) if _is_glass(scene, scene.material_of[i])}
+    if not glass:
+        return touches
     carried: dict[Hashable, list[int]] = {}
     others = []
     for i, surface in enumerate(surfaces):
@@ -35,7 +41,7 @@ def touching(scene: CompiledScene) -> BoolArray:
             others.append(i)
     for same in carried.values():
         touches[[i for i in same if i in glass]] = len(same) > 1
-    bounds = np.array([surfaces[i].bounds for i in others]).reshape(-1, 2, 3)
+    bounds = scene.bounds[others]
     slack = FACE_ROUNDING * np.where(np.isfinite(bounds), np.abs(bounds), 0.0).max(initial=0.0)
     for i in glass & set(others):
         low, high = surfaces[i].bounds
@@ -46,17 +52,16 @@ def touching(scene: CompiledScene) -> BoolArray:
             others[k] != i and _may_coincide(surfaces[i], surfaces[others[k]], slack)
             for k in np.flatnonzero(meets)
         )
-    for i, j in _on_axes(surfaces, others, slack):
+    for i, j in _on_axes(scene, others, slack):
         touches[[k for k in (i, j) if k in glass]] = True
     return touches
 
 
-def _on_axes(
-    surfaces: Sequence[Surface], others: list[int], slack: float
-) -> Iterator[tuple[int, int]]:
+def _on_axes(scene: CompiledScene, others: list[int], slack: float) -> Iterator[tuple[int, int]]:
     """Yield pairs of a surface with a carrier and one of revolution on whose axis its centre lies."""
+    surfaces = scene.surfaces
     carried = sorted(set(range(len(surfaces))) - set(others))
-    bounds = np.array([surfaces[i].bounds for i in carried]).reshape(-1, 2, 3)
+    bounds = scene.bounds[carried]
     centre = bounds.mean(axis=1)
     for j in others:
         turned = surfaces[j]

@@ -119,12 +119,14 @@ class SharedCache(FunctionCache):
     def _load(self, sig: Any, target_context: Any) -> Any:
         try:
             with _locked(Path(self.cache_path), "rb"):
-                return super().load_overload(sig, target_context)
+                found = super().load_overload(sig, target_context)
         except (ImportError, AttributeError):
             # It names types of an older version of this package that are not there any more.
             with _locked(Path(self.cache_path), "ab"), suppress(OSError):
                 self.flush()
             return None
+        # Files copied from several places may be the code of other argument types.
+        return found if found is None or found.signature.args == tuple(sig) else None
 
 
 class CacheOfParts(SharedCache):

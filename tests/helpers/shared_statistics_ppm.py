@@ -45,8 +45,8 @@ def all_photons(
     """Return the photons of a pass that are stored; ``least_history`` 0 keeps straight ones."""
     return joined(
         [
-            photon_tracer.shoot(group, pass_number, first, stop, PHOTON_DIMENSION, least_history)[0]
-            for group, first, stop in blocks_of(photon_tracer.groups(n_photons))
+            photon_tracer.shoot(block, pass_number, PHOTON_DIMENSION, least_history)[0]
+            for block in blocks_of(photon_tracer.groups(n_photons))
         ]
     )
 

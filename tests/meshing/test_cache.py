@@ -35,6 +35,7 @@ def f(x):
     return twice(x)
 """
 RUN = "from mine.kernels.outer import f; print(f(1.0), sum(f.stats.cache_hits.values()))"
+RUN_BOTH = RUN.replace("f(1.0)", "f(1.0) + f(1)")
 
 
 @pytest.fixture
@@ -54,11 +55,11 @@ def write(folder: Path, factor: float, time: int) -> None:
     os.utime(folder / "inner.py", (time, time))
 
 
-def run(folder: Path) -> tuple[float, int]:
+def run(folder: Path, code: str = RUN) -> tuple[float, int]:
     path = os.pathsep.join([str(folder.parents[1]), str(Path(__file__).parents[2])])
     env = {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
     out = subprocess.run(
-        [sys.executable, "-c", RUN], env=env, capture_output=True, text=True, check=True
+        [sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True
     )
     value, hits = out.stdout.split()
     return float(value), int(hits)
@@ -82,6 +83,18 @@ def test_the_content_of_a_file_decides_and_not_its_time(package):
     assert run(package) == (6.0, 1)
     write(package, 5.0, 7)  # as large as before, at the same time
     assert run(package) == (10.0, 0)
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+def test_code_for_other_arguments_is_compiled_anew(package):
+    """As where the files of two caches were copied into one folder."""
+    assert run(package, RUN_BOTH) == (12.0, 0)
+    assert run(package, RUN_BOTH) == (12.0, 2)
+    one, other = sorted((package / "__pycache__").glob("outer.f-*.nbc"))
+    content = one.read_bytes()
+    one.write_bytes(other.read_bytes())
+    other.write_bytes(content)
+    assert run(package, RUN_BOTH) == (12.0, 0)
 
 
 def test_what_this_file_does_changes_no_stamp():
@@ -164,10 +177,9 @@ def test_a_home_that_others_can_write_to_is_not_used(tmp_path, temporary, monkey
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
-def test_a_cache_that_cannot_be_written_is_done_without(package, monkeypatch):
+def test_a_cache_that_cannot_be_written_is_done_without(package):
     """As on a full disk: files there have no room for a byte."""
     full = "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
     full += "resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0)); "
-    monkeypatch.setattr(sys.modules[__name__], "RUN", full + RUN)
-    assert run(package) == (6.0, 0)
-    assert run(package) == (6.0, 0)
+    assert run(package, full + RUN) == (6.0, 0)
+    assert run(package, full + RUN) == (6.0, 0)

@@ -108,22 +108,22 @@ def _aim(cones, total, choice, s, t):
 
 
 @kernel(allocates=True)
-def launch_from_light(
-    lights, textures, points, row, targets, n_spread, n_aimed, is_aimed, place, way, choice, cones,
+def launch_from_lights(
+    lights, textures, points, light, targets, n_spread, n_aimed, is_aimed, place, way, choice, cones,
     out,
 ):  # fmt: skip
-    """Emit photons from one light.
+    """Emit photons from lights.
 
     Parameters
     ----------
     points : LightPoints of n rows
-        Only for a light of kind `SURFACE`; else it may be empty.
-    row : int
-        Row of the light.
+        Only for lights of kind `SURFACE`; without them it may be empty.
+    light : (n,) int64
+        Rows of the lights. The arrays below may have more rows.
     targets : Targets
-    n_spread, n_aimed : int
+    n_spread, n_aimed : (n,) int64
         Photons per pass of either kind from this light.
-    is_aimed : bool
+    is_aimed : (n,) int64
         The kind to emit.
     place, way : (n, 2) float64 in [0, 1)
         Sample the point and the direction.
@@ -134,16 +134,16 @@ def launch_from_light(
     out : Launch of n rows, written
         Power is zero where the light emits nothing in that direction.
     """
-    through = distance_through(lights, row)
-    for i in range(place.shape[0]):
-        s, t = place[i, 0], place[i, 1]
+    for i in range(light.size):
+        row, s, t = light[i], place[i, 0], place[i, 1]
+        through = distance_through(lights, row)
         px, py, pz, nx, ny, nz, area, _ = leaving_point(lights, points, i, row, s, t)
         total = 0.0
-        if n_aimed > 0:
+        if n_aimed[i] > 0:
             total = _see_targets(lights, row, targets, px, py, pz, nx, ny, nz, cones)
         # Of light that may leave through the far side, the targets are seen from there as well.
         sx, sy, sz, mx, my, mz = px, py, pz, nx, ny, nz
-        if is_aimed:
+        if is_aimed[i]:
             dx, dy, dz = _aim(cones, total, choice[i], way[i, 0], way[i, 1])
             if through > 0.0 and nx * dx + ny * dy + nz * dz < 0.0:
                 px, py, pz = opposite_point(lights, row, px, py, pz, nx, ny, nz)
@@ -155,14 +155,14 @@ def launch_from_light(
         share = share_of_direction(lights, row, nx, ny, nz, dx, dy, dz)
         factor = 0.0
         if share > 0.0 and dx * dx + dy * dy + dz * dz > 0.0:
-            density = n_spread * (share / shares_together(lights, row))
-            if n_aimed > 0:
+            density = n_spread[i] * (share / shares_together(lights, row))
+            if n_aimed[i] > 0:
                 aimed = _aimed_pdf(cones, total, dx, dy, dz)
                 if through > 0.0:
                     x, y, z = sx - through * mx, sy - through * my, sz - through * mz
                     total = _see_targets(lights, row, targets, x, y, z, -mx, -my, -mz, cones)
                     aimed += _aimed_pdf(cones, total, dx, dy, dz)
-                density += n_aimed * aimed
+                density += n_aimed[i] * aimed
             factor = share * area / density
         r, g, b = chosen_strength(lights, textures, points, i, row, s, t, px, py, pz)
         out.power[i, 0], out.power[i, 1], out.power[i, 2] = factor * r, factor * g, factor * b
@@ -191,7 +191,7 @@ def launch_from_sky(sky, world, targets, n_spread, n_aimed, is_aimed, place, way
         Centre and radius of the scene's bounding sphere. Photons start on a disc of this radius in
         front of it; aimed photons start on the part in front of their target.
     place, way, choice, n_spread, n_aimed, is_aimed, targets, out
-        See `launch_from_light`.
+        See `launch_from_lights`.
     """
     squares = 0.0
     for k in range(targets.radius.size):
@@ -200,7 +200,7 @@ def launch_from_sky(sky, world, targets, n_spread, n_aimed, is_aimed, place, way
     for i in range(place.shape[0]):
         x, y, z = sky_direction(sky, way[i, 0], way[i, 1])
         cx, cy, cz, size = world[0], world[1], world[2], radius
-        if is_aimed:
+        if is_aimed[i]:
             rest = choice[i] * squares
             for k in range(targets.radius.size):
                 cx, cy, cz = targets.center[k, 0], targets.center[k, 1], targets.center[k, 2]
@@ -221,10 +221,10 @@ def launch_from_sky(sky, world, targets, n_spread, n_aimed, is_aimed, place, way
         wx, wy, wz = px - world[0], py - world[1], pz - world[2]
         along = wx * x + wy * y + wz * z
         if wx * wx + wy * wy + wz * wz - along * along <= radius * radius:
-            density = n_spread / (math.pi * radius * radius)
-        if n_aimed > 0:
+            density = n_spread[i] / (math.pi * radius * radius)
+        if n_aimed[i] > 0:
             met = _targets_met(targets, px, py, pz, x, y, z)
-            density += n_aimed * met / (math.pi * squares)
+            density += n_aimed[i] * met / (math.pi * squares)
         density *= sky_pdf(sky, x, y, z)
         factor = 1.0 / density if density > 0.0 else 0.0
         r, g, b = sky_radiance(sky, x, y, z)

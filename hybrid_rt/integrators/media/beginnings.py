@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -164,10 +165,9 @@ def _boxes_of_clear_bodies(scene: CompiledScene) -> FloatArray:
     """Return a box around each clear body, (bodies, 2, 3); it may be infinite."""
     boxes: dict[int, FloatArray] = {}
     for i in range(len(scene.called)):
-        material, surface = int(scene.material_of[i]), scene.surfaces[i]
+        material, box = int(scene.material_of[i]), scene.bounds[i]
         if scene.glass_of[material] == NOTHING:
             continue
-        box = surface.bounds if surface.is_bounded else np.array([[-np.inf] * 3, [np.inf] * 3])
         low, high = boxes.get(material, box)
         boxes[material] = np.array([np.minimum(low, box[0]), np.maximum(high, box[1])])
     return np.array(list(boxes.values())).reshape(-1, 2, 3)
@@ -201,9 +201,10 @@ class MediaAroundLights:
         self.differs: BoolArray = np.zeros(n, dtype=np.bool_)
         has_media = context.plan["medium stack"]
         self._around: IntArray = np.full((n, STACK if has_media else 0), NOTHING, dtype=np.int32)
-        sending = list(lights)
-        if has_media and sending:
-            self._look(sending)
+        sending = np.array(list(lights), dtype=np.intp)
+        if has_media and sending.size:
+            name = ("media around lights", sending.tobytes())
+            self._around, self.differs = context.scene.once(name, lambda: self._look(sending))
 
     def at(self, light: IntArray, origins: FloatArray, directions: FloatArray) -> IntArray:
         """Return the medium stack of each beginning.
@@ -226,26 +227,23 @@ class MediaAroundLights:
             media[rows] = self._media_at(light[rows], origins[rows], directions[rows])
         return media
 
-    def _look(self, lights: list[int]) -> None:
-        """Look at points of some lamps, all at once."""
-        scene = self._context.scene
-        places: dict[int, tuple[FloatArray, FloatArray]] = {}
-        for light, (points, inward) in points_of_lamps(scene, lights).items():
-            if scene.lights.kind[light] in WITHOUT_AREA:
-                places[light] = points[:1], SKEW
-            else:
-                outward = -inward / np.linalg.norm(inward, axis=1, keepdims=True)
-                places[light] = points, outward + 0.5 * SKEW
-        if not places:
-            return
-        points, directions = (np.concatenate(part) for part in zip(*places.values(), strict=True))
-        number = np.array([len(part) for part, _ in places.values()])
-        found, of_light = np.array(list(places)), np.repeat(list(places), number)
-        media = self._media_at(of_light, points, directions)
-        self._around[found] = media[np.cumsum(number) - number]
-        is_other = (media != self._around[of_light]).any(axis=1)
-        self.differs[of_light[is_other]] = True
+    def _look(self, lights: NDArray[np.intp]) -> tuple[IntArray, BoolArray]:
+        """Look at points of some lamps, all at once; return what is around each, and ``differs``."""
+        scene, around, differs = self._context.scene, self._around, self.differs
+        points = points_of_lamps(scene)
+        is_place = np.isin(scene.lights.kind[points.light], WITHOUT_AREA)
+        is_first = np.diff(points.light, prepend=-1) != 0
+        rows = np.flatnonzero(np.isin(points.light, lights) & (is_first | ~is_place))
+        light, inward = points.light[rows], points.inward[rows]
+        outward = -inward / np.linalg.norm(inward, axis=1, keepdims=True)
+        directions = np.where(is_place[rows, None], SKEW, outward + 0.5 * SKEW)
+        media = self._media_at(light, points.place[rows], directions)
+        around[light[is_first[rows]]] = media[is_first[rows]]
+        differs[light[(media != around[light]).any(axis=1)]] = True
+        return around, differs
 
-    def _media_at(self, light: IntArray, origins: FloatArray, directions: FloatArray) -> IntArray:
+    def _media_at(
+        self, light: NDArray[Any], origins: FloatArray, directions: FloatArray
+    ) -> IntArray:
         source = NamedPoints(self._context.scene.surface_of_light.take(light), origins)
         return media_at(self._context, self._contacts, origins, directions, source)

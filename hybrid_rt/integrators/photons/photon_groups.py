@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,8 +19,10 @@ from hybrid_rt.scene.compiled import CompiledScene
 from hybrid_rt.sensor.passes import GROUPS, group_of
 from hybrid_rt.shading.kernels.lobes.register import WIDE
 
-# About how many photons one thread follows at a time.
-AT_ONCE = 2**16
+# About how many photons one thread follows at a time, and how many at least, if others may join them.
+AT_ONCE, FEWEST = 2**16, 2**12
+# A photon is named by its sequence, and below that by so many bits of its number there.
+NUMBER_BITS = np.uint64(42)
 # Camera rays, across and down, that tell how large a part of the scene is seen; how many surfaces they
 # meet at most, two ways at each; and what is far less.
 VIEWS, MOST_VIEWS, FAR_LESS = 8, 6, 0.01
@@ -47,14 +51,35 @@ class Group:
         return self.n_aimed if self.is_aimed else self.n_spread
 
 
+class Piece(NamedTuple):
+    """Consecutive photons of a group in one pass."""
+
+    group: Group
+    first: int
+    stop: int
+
+
 def sequence_of(group: Group, pass_number: int) -> tuple[int, int]:
     """Return the sequence that a pass continues, and the index of its first point there.
 
     Each group of passes has a sequence of its own, so that the differences between groups measure
     the noise (`hybrid_rt.sensor.film`).
     """
+    compared, number = _place_of(pass_number)
+    return group.number * GROUPS + compared, number * group.n
+
+
+@functools.lru_cache
+def _place_of(pass_number: int) -> tuple[int, int]:
     compared, number = group_of(np.array([pass_number], dtype=np.uint64))
-    return group.number * GROUPS + int(compared[0]), int(number[0]) * group.n
+    return int(compared[0]), int(number[0])
+
+
+def names_of(piece: Piece, pass_number: int) -> UIntArray:
+    """Return what names the random numbers of each photon of a piece, (n,) uint64."""
+    sequence, begin = sequence_of(piece.group, pass_number)
+    number = np.arange(begin + piece.first, begin + piece.stop, dtype=np.uint64)
+    return number + (np.uint64(sequence) << NUMBER_BITS)
 
 
 def check_lights(scene: CompiledScene) -> None:
@@ -62,30 +87,38 @@ def check_lights(scene: CompiledScene) -> None:
     powers_of_lights(scene, ball_of_world(scene))
 
 
-def blocks_of(groups: list[Group]) -> list[tuple[Group, int, int]]:
-    """Return the blocks in which the photons of a pass are traced, of about the same size."""
-    blocks = []
+def blocks_of(groups: list[Group]) -> list[list[Piece]]:
+    """Return the blocks in which the photons of a pass are traced: small groups share one."""
+    blocks, some, waiting = list[list[Piece]](), list[Piece](), 0
     for group in groups:
-        edges = np.linspace(0, group.n, max(round(group.n / AT_ONCE), 1) + 1).round().astype(int)
-        blocks += [(group, int(first), int(stop)) for first, stop in pairwise(edges)]
-    return blocks
+        if group.n >= FEWEST:
+            parts = max(round(group.n / AT_ONCE), 1)
+            edges = np.linspace(0, group.n, parts + 1).round().astype(int).tolist()
+            blocks += [[Piece(group, *part)] for part in pairwise(edges)]
+            continue
+        some.append(Piece(group, 0, group.n))
+        waiting += group.n
+        if waiting >= FEWEST:
+            blocks.append(some)
+            some, waiting = [], 0
+    return [*blocks, some] if some else blocks
 
 
-def in_sequence(sequence: int, number: UIntArray) -> tuple[UIntArray, UIntArray]:
-    """Return the names of points of a group, and their indices.
+def in_sequence(names: UIntArray) -> tuple[UIntArray, UIntArray]:
+    """Return which sequences the photons of these names take their points from, and the indices there.
 
     A sequence has 2**32 points; beyond, the next one begins.
     """
-    name = (number >> np.uint64(32)) + np.uint64(sequence * 2**32)
-    return name, number & np.uint64(2**32 - 1)
+    low, bits = names & np.uint64(2**32 - 1), np.uint64(32)
+    number = names & ((np.uint64(1) << NUMBER_BITS) - np.uint64(1))
+    return (names >> NUMBER_BITS << bits) + (number >> bits), low
 
 
 def ball_of_world(scene: CompiledScene) -> FloatArray:
     """Return centre and radius of a ball around all surfaces that end."""
-    ends = [surface for surface in scene.surfaces if surface.is_bounded]
-    if not ends:
+    bounds = scene.bounds[np.isfinite(scene.bounds).all(axis=(1, 2))]
+    if not len(bounds):
         return np.array([0.0, 0.0, 0.0, 1.0])
-    bounds = np.array([s.bounds for s in ends], dtype=np.float64)
     low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
     return np.array([*(0.5 * (low + high)), 0.5 * np.linalg.norm(high - low)])
 

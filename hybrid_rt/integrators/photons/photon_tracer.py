@@ -1,15 +1,15 @@
 """Photon tracing: photons of every light, followed until they are absorbed or leave the scene.
 
 Jensen, "Global illumination using photon maps", EGWR 1996. Photons are emitted in groups: one for
-each light and kind (see `hybrid_rt.integrators.kernels.photon_emission`). Each group has its own
-low-discrepancy sequences, which run on through the passes: one pass is well distributed, and so
-are all passes together.
+each light and kind (see `hybrid_rt.integrators.kernels.photon_emission`); small groups are followed
+together. Each group has its own low-discrepancy sequences, which run on through the passes: one
+pass is well distributed, and so are all passes together.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from hybrid_rt.integrators.direct_light import SurfaceLight, largest_channel
 from hybrid_rt.integrators.kernels.photon_emission import (
     Launch,
     Targets,
-    launch_from_light,
+    launch_from_lights,
     launch_from_sky,
 )
 from hybrid_rt.integrators.kernels.photon_steps import (
@@ -36,23 +36,23 @@ from hybrid_rt.integrators.kernels.photon_steps import (
     scatter_photons,
     store_photons,
 )
-from hybrid_rt.integrators.light_points import new_light_points
+from hybrid_rt.integrators.light_points import leaving_points
 from hybrid_rt.integrators.media.absorption import absorb
 from hybrid_rt.integrators.media.beginnings import MediaAroundLights
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
 from hybrid_rt.integrators.photons.light_tracing import DensePlaces, Splats, show
 from hybrid_rt.integrators.photons.photon_groups import (
     Group,
+    Piece,
     ball_of_world,
     in_sequence,
+    names_of,
     powers_of_lights,
-    sequence_of,
 )
 from hybrid_rt.integrators.photons.projection_map import targets_of
 from hybrid_rt.integrators.shading import Shading
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING
-from hybrid_rt.shading.kernels.light_kinds import LightPoints
 from hybrid_rt.shading.kernels.lobes.register import FOLLOWED, SPREADS, WIDE
 from hybrid_rt.shading.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED
 
@@ -120,13 +120,13 @@ class PhotonTracer:
         sends = np.flatnonzero((self._powers[:-1] > 0.0) & context.plan["photons"])
         self._media_around = MediaAroundLights(context, contacts, sends.tolist())
 
-    @cached_property
+    @property
     def _targets(self) -> Targets:
         """What photons are aimed at; eye passes that send none never ask."""
         if not self.context.plan["aimed photons"]:
             return Targets(np.zeros((0, 3)), np.zeros(0))
         scene = self.context.scene
-        return targets_of(scene, scene.materials_with(FOLLOWED))
+        return scene.once("targets", lambda: targets_of(scene, scene.materials_with(FOLLOWED)))
 
     def groups(self, photons_per_pass: int) -> list[Group]:
         """Allot the photons of a pass to lights by power; every light that emits gets some."""
@@ -146,15 +146,14 @@ class PhotonTracer:
         return by_power
 
     def shoot(
-        self, group: Group, pass_number: int, first: int, stop: int, dimension: int, least: int
+        self, block: list[Piece], pass_number: int, dimension: int, least: int
     ) -> tuple[Photons, list[Splats]]:
-        """Trace some photons of a group; return the stored photons and the splats.
+        """Trace the photons of a block together; return the stored photons and the splats.
 
         Parameters
         ----------
-        group : Group
-        pass_number, first, stop : int
-            The pass, and the range of photon indices in it.
+        block : list of Piece
+        pass_number : int
         dimension : int
             First dimension of their random numbers.
         least : int
@@ -163,10 +162,9 @@ class PhotonTracer:
         context = self.context
         stored: list[Photons] = []
         shown: list[Splats] = []
-        sequence, n_before = sequence_of(group, pass_number)
-        number = np.arange(n_before + first, n_before + stop, dtype=np.uint64)
         with context.ledger.stage("photons"):
-            flight = self._launched(group, sequence, number, dimension)
+            names = [names_of(piece, pass_number) for piece in block]
+            flight = self._launched([piece.group for piece in block], names, dimension)
         for depth in range(context.max_depth + 1):
             if flight.number.size == 0:
                 break
@@ -183,11 +181,11 @@ class PhotonTracer:
                 if to_show.size:
                     lens = None
                     if context.plan["lens samples"]:
-                        lens = self._points(sequence, flight.number[to_show], step + LENS)
+                        lens = self._points(flight.number[to_show], step + LENS)
                     shown.append(show(context, flight, shading, to_show, lens))
                 # --- where they go next, and which ones stop
                 goes_on = depth < context.max_depth
-                flight = self._onward(flight, shading, second, sequence, step, goes_on)
+                flight = self._onward(flight, shading, second, step, goes_on)
         photons = joined(stored)
         self.balance.n_stored += len(photons.history)
         return photons, shown
@@ -234,7 +232,6 @@ class PhotonTracer:
         flight: Flight,
         shading: Shading,
         second: IntArray,
-        sequence: int,
         step: int,
         goes_on: bool,
     ) -> Flight:
@@ -243,8 +240,8 @@ class PhotonTracer:
         fate = np.empty(n, dtype=np.uint8)
         scatter_photons(
             self.context.scene.lobes, material, shading.colors, hits.normal, shading.geometric,
-            shading.ratio, hits.position, hits.object_id, self._ways(sequence, flight, material, step),
-            self._points(sequence, flight.number, step + LOBE), second, goes_on, flight, fate,
+            shading.ratio, hits.position, hits.object_id, self._ways(flight, material, step),
+            self._points(flight.number, step + LOBE), second, goes_on, flight, fate,
             self.balance.power,
         )  # fmt: skip
         ended = self.context.ledger.ended
@@ -256,58 +253,61 @@ class PhotonTracer:
         n_onward = pack_flight(flight, fate, SCATTERED, onward)
         return Flight(*(column[:n_onward] for column in onward))
 
-    def _launched(self, group: Group, sequence: int, number: UIntArray, dimension: int) -> Flight:
+    def _launched(
+        self, groups: Sequence[Group], names: Sequence[UIntArray], dimension: int
+    ) -> Flight:
+        """Launch the photons of these names of each group; groups of the sky come last."""
         scene = self.context.scene
+        number = np.concatenate(names)
         n = number.size
         # Where a photon arrives depends on all of these together.
-        name, index = in_sequence(sequence, number)
+        name, index = in_sequence(number)
         xi = self.context.sampler.joint(name, dimension + LAUNCH, index, 5)
-        # Columns of their own: slices are another type to numba, and the kernel compiled twice.
+        # Columns of their own: slices are another type to numba, and the kernels compiled twice.
         way, place, choice = xi[:, :2].copy(), xi[:, 2:4].copy(), xi[:, 4].copy()
+        columns = np.array([(g.light, g.n_spread, g.n_aimed, g.is_aimed) for g in groups])
+        counts = [part.size for part in names]
+        light, n_spread, n_aimed, is_aimed = np.repeat(columns, counts, axis=0).T.copy()
         launch = _new_launch(n)
-        source_id = np.full(n, NOTHING, dtype=np.int32)
-        if group.light == scene.n_lights:
+        end = int(np.searchsorted(light, scene.n_lights))
+        if end:
+            launch_from_lights(
+                scene.lights, scene.textures, leaving_points(scene, light[:end], place[:end]),
+                light[:end], self._targets, n_spread, n_aimed, is_aimed, place, way, choice,
+                np.empty((self._targets.radius.size, 5)), launch,
+            )  # fmt: skip
+        if end < n:
             launch_from_sky(
-                scene.sky, self.world, self._targets, group.n_spread, group.n_aimed,
-                group.is_aimed, place, way, choice, launch,
+                scene.sky, self.world, self._targets, n_spread[end:], n_aimed[end:],
+                is_aimed[end:], place[end:], way[end:], choice[end:],
+                Launch(*(column[end:] for column in launch)),
             )  # fmt: skip
-        else:
-            source_id[:] = scene.surface_of_light[group.light]
-            launch_from_light(
-                scene.lights, scene.textures, self._surface_points(group.light, place),
-                group.light, self._targets, group.n_spread, group.n_aimed, group.is_aimed, place,
-                way, choice, np.empty((self._targets.radius.size, 5)), launch,
-            )  # fmt: skip
+        source_id = np.append(scene.surface_of_light, np.int32(NOTHING))[light]
         self.balance.n_emitted += n
         add_power(launch.power, 1.0, self.balance.power[EMITTED])
         sent = np.flatnonzero(largest_channel(launch.power) > 0.0)
         origin, direction = launch.origin[sent], launch.direction[sent]
-        light = np.full(sent.size, group.light, dtype=np.int32)
         return Flight(
             number=number[sent],
             origin=origin,
             direction=direction,
             power=launch.power[sent],
-            media=self._media_around.at(light, origin, direction),
+            media=self._media_around.at(light[sent], origin, direction),
             source_id=source_id[sent],
             history=np.zeros(sent.size, dtype=np.uint8),
         )
 
-    def _points(self, sequence: int, number: UIntArray, dimension: int) -> FloatArray:
-        name, _ = in_sequence(sequence, number)
-        return self.context.sampler.points(name, dimension, number)
+    def _points(self, number: UIntArray, dimension: int) -> FloatArray:
+        name, index = in_sequence(number)
+        return self.context.sampler.points(name, dimension, index)
 
-    def _ways(self, sequence: int, flight: Flight, material: IntArray, step: int) -> FloatArray:
+    def _ways(self, flight: Flight, material: IntArray, step: int) -> FloatArray:
         """Return the numbers that choose directions, for the photons that may need them."""
         xi = np.zeros((material.size, 2))
         rows = np.flatnonzero(self._spreads[material])
         if rows.size:
-            xi[rows] = self._points(sequence, flight.number[rows], step + DIRECTION)
+            xi[rows] = self._points(flight.number[rows], step + DIRECTION)
         return xi
-
-    def _surface_points(self, light: int, xi: FloatArray) -> LightPoints:
-        chooser = self.context.scene.shining.get(light)
-        return new_light_points(0) if chooser is None else chooser.points(xi)
 
 
 def joined(parts: list[Photons]) -> Photons:

@@ -24,7 +24,7 @@ from hybrid_rt.integrators.photons.density_estimation import Field, Points
 from hybrid_rt.integrators.photons.eye_pass import EyePass
 from hybrid_rt.integrators.photons.figures import PhotonFigures, Power
 from hybrid_rt.integrators.photons.light_tracing import Splats
-from hybrid_rt.integrators.photons.photon_groups import Group, blocks_of
+from hybrid_rt.integrators.photons.photon_groups import Piece, blocks_of
 from hybrid_rt.integrators.photons.photon_tracer import (
     AIMED_SHARE,
     PHOTON_DIMENSION,
@@ -93,6 +93,7 @@ class PhotonWorkers(Workers):
         self._threads = threads
         self._n_splats = 0
         self._balance = Balance()
+        self._blocks: dict[int, list[list[Piece]]] = {}
         camera = context.scene.camera
         has_photons = context.plan["photons"]
         self._blur = BlurSums(camera.height, camera.width) if has_photons else None
@@ -202,17 +203,15 @@ class PhotonWorkers(Workers):
         The order of photons, and of sums over them, is the same for any number of threads.
         """
 
-        def shoot(
-            eye_pass: EyePass, block: tuple[Group, int, int]
-        ) -> tuple[Photons, list[Splats], Balance]:
-            group, first, stop = block
+        def shoot(eye_pass: EyePass, block: list[Piece]) -> tuple[Photons, list[Splats], Balance]:
             tracer = eye_pass.photon_tracer
             tracer.balance = Balance()
-            photons, splats = tracer.shoot(group, pass_number, first, stop, dimension, MET_SPECULAR)
+            photons, splats = tracer.shoot(block, pass_number, dimension, MET_SPECULAR)
             return photons, splats, tracer.balance
 
-        blocks = blocks_of(self._eye_passes[0].photon_tracer.groups(n))
-        parts = [submit(shoot, block) for block in blocks]
+        if n not in self._blocks:
+            self._blocks[n] = blocks_of(self._eye_passes[0].photon_tracer.groups(n))
+        parts = [submit(shoot, block) for block in self._blocks[n]]
 
         def join(eye_pass: EyePass, _: None) -> T:
             # Threads take work in order, so all parts are done or in the hands of others.

@@ -32,7 +32,13 @@ from hybrid_rt.integrators.photons import PPM
 from hybrid_rt.integrators.photons.density_estimation import Discs, Field, Radii
 from hybrid_rt.integrators.photons.eye_pass import EyePass, PendingPoints
 from hybrid_rt.integrators.photons.light_tracing import shown_rows
-from hybrid_rt.integrators.photons.photon_groups import Group, sequence_of, size_for_discs
+from hybrid_rt.integrators.photons.photon_groups import (
+    NUMBER_BITS,
+    Group,
+    Piece,
+    names_of,
+    size_for_discs,
+)
 from hybrid_rt.integrators.photons.photon_tracer import (
     LENS,
     PER_LAUNCH,
@@ -62,9 +68,6 @@ from hybrid_rt.shading.kernels.lobes.register import (
 MOST_LIGHTS = 32
 # So large a part of the photons is spread evenly over lights.
 EVENLY = 0.25
-# The sequence of a photon stands above its number there, so all are followed together: that takes a
-# tenth of the time of following them group by group. As the sequence of all, the first one is named.
-BITS, ALL = np.uint64(32), 0
 # Camera rays gather photons within this share of the size of the scene: narrower discs add noise,
 # wider ones lose more at edges.
 RADIUS = 0.007
@@ -228,7 +231,7 @@ class Probe(PhotonTracer):
                 seen.append(self._connected(flight, shading, rows, ends, step))
             if depth == 0 and self._direct:
                 self.begun += float(flight.power[shading.material >= 0].sum())
-            flight = self._onward(flight, shading, second, ALL, step, goes_on)
+            flight = self._onward(flight, shading, second, step, goes_on)
             if depth == 0 and not self._direct:
                 self.begun += float(flight.power.sum())
         self.stored, self.number_of_stored = joined(stored), np.concatenate(numbers)
@@ -252,7 +255,7 @@ class Probe(PhotonTracer):
         camera = self.context.scene.camera
         lens = None
         if self.context.plan["lens samples"]:
-            lens = self._points(ALL, flight.number[rows], step + LENS)
+            lens = self._points(flight.number[rows], step + LENS)
         rows, splats = shown_rows(self.context, flight, shading, rows, lens, by_narrow)
         value = splats.value.sum(axis=1) / (3 * camera.width * camera.height)
         is_highlight = np.full(rows.size, by_narrow is not None)
@@ -264,7 +267,7 @@ class Probe(PhotonTracer):
         """Connect photons with an end of a camera ray each, chosen at random."""
         scene, hits, geometric = self.context.scene, shading.hits, shading.geometric
         n = ends.points.depth.size
-        xi = self._points(ALL, flight.number[rows], step + LENS)[:, 0]
+        xi = self._points(flight.number[rows], step + LENS)[:, 0]
         point = ends.points.rows(np.minimum((xi * n).astype(np.intp), n - 1))
         there = point.shading
         way = hits.position[rows] - there.hits.position
@@ -302,22 +305,19 @@ class Probe(PhotonTracer):
         )
 
     def _all_launched(self, groups: list[Group]) -> Flight:
-        """Launch photons of all lights and groups of passes; numbers tell their sequences."""
-        flights = []
-        for group in groups:
-            for k in np.flatnonzero(self._chosen[:, group.light]).tolist():
-                sequence, first = sequence_of(group, k * RUN)
-                number = np.arange(first, first + group.n, dtype=np.uint64)
-                flight = self._launched(group, sequence, number, self._dimension)
-                flight.number[:] |= np.uint64(sequence) << BITS
-                flight.power[:] *= self._chosen[k, group.light]
-                flights.append(flight)
-        return Flight(*(np.concatenate(columns) for columns in zip(*flights, strict=True)))
+        """Launch photons of all lights and groups of passes."""
+        pairs = [(g, k) for g in groups for k in range(GROUPS) if self._chosen[k, g.light] > 0.0]
+        names = [names_of(Piece(group, 0, group.n), k * RUN) for group, k in pairs]
+        flight = self._launched([group for group, _ in pairs], names, self._dimension)
+        number, k = np.divmod(flight.number >> NUMBER_BITS, np.uint64(GROUPS))
+        light = np.array([group.light for group in groups])[number]
+        flight.power[:] *= self._chosen[k, light][:, None]
+        return flight
 
 
 def group_of_photons(number: NDArray[np.uint64]) -> NDArray[np.intp]:
     """Return the group of passes of photons of `Probe.follow`."""
-    group: NDArray[np.intp] = ((number >> BITS) % np.uint64(GROUPS)).astype(np.intp)
+    group: NDArray[np.intp] = ((number >> NUMBER_BITS) % np.uint64(GROUPS)).astype(np.intp)
     return group
 
 

@@ -42,40 +42,43 @@ def lamps_in_bodies(scene: CompiledScene) -> list[LampInBody]:
     ]
     if not bodies:
         return []
-    low, high = np.stack([scene.surfaces[i].bounds for i in bodies], axis=1)
+    low, high = scene.bounds[bodies].swapaxes(0, 1)
     camera = scene.camera
-    found = []
-    for light in range(scene.n_lights):
-        own = int(scene.surface_of_light[light])
-        points, radius = _extent(scene, own, light)
-        if points is None:
-            continue
-        around = ((low < points.min(axis=0)) & (points.max(axis=0) < high)).all(axis=1)
-        for body in (bodies[k] for k in np.flatnonzero(around)):
-            surface = scene.surfaces[body]
+    extents = [_extent(scene, light) for light in range(scene.n_lights)]
+    least, most = (
+        np.array([(box[0], box[1]) for box, _ in extents]).reshape(-1, 2, 3).swapaxes(0, 1)
+    )
+    order = np.argsort(least[:, 0])
+    first = np.searchsorted(least[order, 0], low[:, 0], side="right")
+    end = np.searchsorted(least[order, 0], high[:, 0])
+    found: dict[int, LampInBody] = {}
+    for k in np.flatnonzero(first < end).tolist():
+        rows, body = order[first[k] : end[k]], bodies[k]
+        inside = ((low[k] < least[rows]) & (most[rows] < high[k])).all(axis=1)
+        for light in rows[inside].tolist():
+            own, surface = int(scene.surface_of_light[light]), scene.surfaces[body]
             slack = SLACK * float(np.abs(surface.bounds).max())
+            (near, far), radius = extents[light]
             if (
-                body != own
-                and _depth(surface, points, radius) > slack
+                light not in found
+                and body != own
+                and _depth(surface, np.where(_CORNERS == 1, far, near), radius) > slack
                 and _depth(surface, camera.look_from[None], 0.0) < -camera.reach - slack
             ):
                 around_it = name_of(scene, body, int(scene.light_of[body]))
-                found.append(LampInBody(name_of(scene, own, light), around_it))
-                break
-    return found
+                found[light] = LampInBody(name_of(scene, own, light), around_it)
+    return [found[light] for light in sorted(found)]
 
 
-def _extent(scene: CompiledScene, own: int, light: int) -> tuple[FloatArray | None, float]:
-    """Return points and a radius: the lamp is in the convex hull of balls about the points."""
+def _extent(scene: CompiledScene, light: int) -> tuple[FloatArray, float]:
+    """Return a box (2, 3) and a radius: the lamp is in the convex hull of balls about the box's corners."""
+    own = int(scene.surface_of_light[light])
     if own == NOTHING:
-        return scene.lights.origin[[light]], 0.0
+        return scene.lights.origin[[light, light]], 0.0
     surface = scene.surfaces[own]
     if isinstance(surface, Sphere):
-        return surface.center[None], surface.radius
-    if not surface.is_bounded:
-        return None, 0.0
-    low, high = surface.bounds
-    return np.where(_CORNERS == 1, high, low), 0.0
+        return np.stack([surface.center, surface.center]), surface.radius
+    return scene.bounds[own], 0.0
 
 
 def _depth(body: Sphere | Box | Torus, points: FloatArray, radius: float) -> float:

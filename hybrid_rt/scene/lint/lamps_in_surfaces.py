@@ -123,11 +123,9 @@ def sunken_lamps(scene: CompiledScene, tracer: Intersector) -> list[Sunken]:
     """
     if not scene.surfaces:
         return []
-    lamps = points_of_lamps(scene, range(scene.n_lights))
-    if not lamps:
+    of_light, place, direction = points_of_lamps(scene)
+    if not of_light.size:
         return []
-    place, direction = (np.concatenate(part) for part in zip(*lamps.values(), strict=True))
-    of_light = np.repeat(list(lamps), [len(seen[0]) for seen in lamps.values()])
     # From beside each point back to it: t is 1 there.
     origin = place - direction
     size = np.maximum(np.abs(origin), np.abs(place)).max(axis=1)
@@ -145,24 +143,22 @@ def sunken_lamps(scene: CompiledScene, tracer: Intersector) -> list[Sunken]:
     is_clear = glass_of[scene.material_of[found.object_id]] != NOTHING
     rows = np.flatnonzero(others & ~is_clear & (is_point | (np.abs(cosine) > ALIKE)))
     sunken = []
-    for light, (points, _) in lamps.items():
+    for light in np.unique(of_light[rows]).tolist():
         met = rows[of_light[rows] == light]
-        if met.size:
-            other = int(found.object_id[met[0]])
-            partner = int(scene.light_of[other])
-            surface = int(scene.surface_of_light[light])
-            first = int(np.flatnonzero(of_light == light)[0])
-            inward = direction[first : first + len(points)]
-            sunken.append(
-                Sunken(
-                    light=light,
-                    lamp=name_of(scene, surface, light),
-                    surface=name_of(scene, other, partner),
-                    partner=partner,
-                    share=met.size / len(points),
-                    way=None if surface < 0 else _way_out(-inward, -inward[met - first]),
-                )
+        other = int(found.object_id[met[0]])
+        partner = int(scene.light_of[other])
+        surface = int(scene.surface_of_light[light])
+        first, end = np.searchsorted(of_light, [light, light + 1])
+        sunken.append(
+            Sunken(
+                light=light,
+                lamp=name_of(scene, surface, light),
+                surface=name_of(scene, other, partner),
+                partner=partner,
+                share=met.size / int(end - first),
+                way=None if surface < 0 else _way_out(-direction[first:end], -direction[met]),
             )
+        )
     return sunken
 
 

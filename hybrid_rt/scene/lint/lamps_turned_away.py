@@ -15,6 +15,7 @@ from hybrid_rt.shading.kernels.light_kinds import RECTANGLE, SPOT
 
 # Rounding of an angle, generously.
 SLACK = 1e-9
+LARGEST = 32
 
 
 def lamps_turned_away(scene: CompiledScene) -> tuple[list[str], list[str]]:
@@ -29,7 +30,9 @@ def lamps_turned_away(scene: CompiledScene) -> tuple[list[str], list[str]]:
         return [], []
     camera = scene.camera
     eye = np.array([camera.look_from - camera.reach, camera.look_from + camera.reach])
-    boxes = np.array([eye, *(surface.bounds for surface in scene.surfaces)])
+    boxes = np.concatenate([eye[None], scene.bounds])
+    # The largest boxes are in the light of most lamps.
+    largest = np.argsort(-np.ptp(boxes, axis=1).max(axis=1), kind="stable")[:LARGEST]
     names, pictures = [], []
     for light in lamps:
         own = int(scene.surface_of_light[light])
@@ -39,11 +42,10 @@ def lamps_turned_away(scene: CompiledScene) -> tuple[list[str], list[str]]:
                 boxes[1:], lights.origin[light], lights.edge_u[light], lights.edge_v[light, 1]
             )
         else:
-            normal = np.cross(lights.edge_u[light], lights.edge_v[light])
-            is_away = not _before(
-                boxes if own == NOTHING else np.delete(boxes, own + 1, axis=0),
-                lights.origin[light],
-                normal,
+            plane = lights.origin[light], np.cross(lights.edge_u[light], lights.edge_v[light])
+            is_away = not any(
+                _before(boxes[rows[rows != own + 1]], *plane)
+                for rows in (largest, np.arange(len(boxes)))
             )
         if is_away:
             names.append(name_of(scene, own, light))

@@ -16,7 +16,7 @@ from hybrid_rt import (
     render,
 )
 from hybrid_rt.core.records import NamedPoints
-from hybrid_rt.integrators.kernels.photon_emission import Launch, Targets, launch_from_light
+from hybrid_rt.integrators.kernels.photon_emission import Launch, Targets, launch_from_lights
 from hybrid_rt.lights import SphereLight
 from hybrid_rt.lights.table import compile_lights
 from hybrid_rt.shading.kernels.light_kinds import LightPoints
@@ -127,8 +127,9 @@ def test_light_leaves_a_sphere_that_passes_near_zero():
         -1, 1, (n // 2, 2)
     )
     textures = compile_textures([])
-    launch_from_light(
-        lights, textures, nothing, 0, Targets(np.zeros((0, 3)), np.zeros(0)), n, 0, False,
+    launch_from_lights(
+        lights, textures, nothing, np.zeros(n, np.int64), Targets(np.zeros((0, 3)), np.zeros(0)),
+        np.full(n, n), np.zeros(n, np.int64), np.zeros(n, np.int64),
         place, rng.random((n, 2)), rng.random(n), np.empty((0, 5)), launch,
     )  # fmt: skip
     tracer = Intersector([lamp.surface])

@@ -23,7 +23,7 @@ from hybrid_rt import (
     SpotLight,
     render,
 )
-from hybrid_rt.integrators.kernels.photon_emission import Launch, Targets, launch_from_light
+from hybrid_rt.integrators.kernels.photon_emission import Launch, Targets, launch_from_lights
 from hybrid_rt.lights.table import compile_lights
 from hybrid_rt.materials.table import compile_materials
 from hybrid_rt.shading.kernels.light_kinds import LightPoints
@@ -139,8 +139,9 @@ def launch(spot, n, xi, targets, counts, is_aimed):
     _, textures = compile_materials([Lambertian(0.5)])
     nowhere = LightPoints(np.zeros((0, 3)), np.zeros((0, 3)), *np.zeros((3, 0)))
     out = Launch(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)))
-    launch_from_light(
-        lights, textures, nowhere, 0, targets, *counts, is_aimed, np.zeros((n, 2)), xi[:, :2].copy(),
+    launch_from_lights(
+        lights, textures, nowhere, np.zeros(n, np.int64), targets, *np.tile([[*counts, is_aimed]], (n, 1)).T.copy(),
+        np.zeros((n, 2)), xi[:, :2].copy(),
         xi[:, 2].copy(), np.empty((targets.radius.size, 5)), out,
     )  # fmt: skip
     return out

@@ -19,7 +19,8 @@ from hybrid_rt.rendering import denoising
 from hybrid_rt.rendering.report import LAYOUT, ClusterFigures, Report
 
 PAGE = Path(__file__).parents[3] / "docs" / "reference" / "report.md"
-ROWS = re.findall(r"^\| `([^`]+)` \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+CELLS = re.findall(r"^\| (`[^|]+`) \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+ROWS = [key for cell in CELLS for key in re.findall(r"`([^`]+)`", cell)]
 DOCUMENTED = set(ROWS)
 # Keys of renders by processes of dask, which take seconds to start: see the last test.
 # So are those of denoised pictures, which need a large package.
@@ -29,8 +30,8 @@ OF_CLUSTERS = {key for key in DOCUMENTED if re.match(r"cluster\.|seconds\.cluste
 OF_FAULTS = {"clear_bodies_lost.*"}
 
 
-# Here the scene and the integrator's options give the names.
-OPEN = re.compile(r"plan\.\w+\.\w+\.|clear_bodies_\w+\.|settings\.options\.")
+# Here the scene, the integrator's options and the packages give the names.
+OPEN = re.compile(r"plan\.\w+\.\w+\.|clear_bodies_\w+\.|settings\.options\.|versions\.")
 
 
 def keys_of(report, head=""):

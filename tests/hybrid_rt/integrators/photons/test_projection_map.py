@@ -8,6 +8,7 @@ from shared_statistics_ppm import make_photon_tracer
 
 from hybrid_rt.cli.scene_file import load_scene
 from hybrid_rt.core.records import NamedPoints
+from hybrid_rt.integrators.photons.photon_groups import Piece, names_of
 from hybrid_rt.integrators.photons.photon_tracer import PHOTON_DIMENSION
 from hybrid_rt.integrators.photons.projection_map import MOST_BALLS, covering, targets_of
 from hybrid_rt.materials import Dielectric
@@ -72,8 +73,8 @@ def test_most_aimed_photons_meet_what_they_are_aimed_at(name):
     shares = []
     for group in photon_tracer.groups(4000):
         if group.is_aimed:
-            number = np.arange(group.n, dtype=np.uint64)
-            flight = photon_tracer._launched(group, group.number, number, PHOTON_DIMENSION)
+            names = names_of(Piece(group, 0, group.n), 0)
+            flight = photon_tracer._launched([group], [names], PHOTON_DIMENSION)
             source = NamedPoints(flight.source_id, flight.origin)
             hits = context.tracer.intersect(flight.origin, flight.direction, source=source)
             material = np.where(hits.hit, context.scene.material_of[hits.object_id], -1)

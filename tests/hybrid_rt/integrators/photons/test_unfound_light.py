@@ -110,7 +110,8 @@ def test_of_many_lights_some_are_chosen(monkeypatch):
         means[most] = np.array([measured(scene, seed=seed)["mean"] for seed in range(16)])
     error = np.sqrt(sum(found.var(ddof=1) / found.size for found in means.values()))
     assert means[8].mean() == pytest.approx(means[40].mean(), abs=4.0 * error)
-    assert error < 0.05 * means[40].mean()
+    # Else the comparison says little; the error is itself known to a fifth.
+    assert error < 0.07 * means[40].mean()
 
 
 def test_pictures_and_counts_are_as_without_it(monkeypatch):
