@@ -9,7 +9,7 @@ needed. Few hits are near such places, so the cost is negligible.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -23,6 +23,7 @@ from hybrid_rt.intersection.kernels.search.nearest import (
     Nearest,
     Rays,
 )
+from hybrid_rt.intersection.kernels.search.tolerances import CLEAR_CROSSING
 from hybrid_rt.intersection.kind import Finished, new_nearest, new_record
 from hybrid_rt.intersection.ray_batch import locked
 
@@ -52,8 +53,9 @@ class Aim(NamedTuple):
     is_edge: BoolArray  # (k,) bool: there is one border nearby, and nothing else
 
 
-# Traces rays moved by (n, 3) lengths of the world, and lowers what is nearest.
-Retrace = Callable[[Rays, FloatArray, Nearest], None]
+# Given rays, of which rows they are, and by which (n, 3) lengths of the world to move them: traces them,
+# and lowers what is nearest.
+Retrace = Callable[[Rays, Rows, FloatArray, Nearest], None]
 # Fills a record of what was found.
 Describe = Callable[[Rays, Nearest, Finished], None]
 
@@ -101,7 +103,7 @@ def settle(
     out: Finished,
     aim: Aim,
     frame: float,
-    retrace: Retrace,
+    searches: Sequence[Retrace],
     describe: Describe,
 ) -> None:
     """Displace the rays of some rows by the band, and test whether they still hit.
@@ -114,16 +116,38 @@ def settle(
     aim : Aim of k rows
     frame : float
         Size of all surfaces of the kind, world units.
-    retrace, describe : callable
-        The search of the hits' kind.
+    searches : sequence of callable
+        The search of the hits' kind; before it what may find the hit with less work. Where one does not,
+        the next is asked.
+    describe : callable
     """
     here = _rows_of(rays, rows)
     t, t_bound, object_id = best.t[rows], best.t_bound[rows], best.object_id[rows]
     slope = _slopes(out.normal[rows], here)
     length = np.linalg.norm(here.direction, axis=1)
+    grazes = slope < CLEAR_CROSSING * length
     across = np.cross(here.direction / length[:, None], aim.outward)
     widest = WIDEST * frame
     stays, moved = aim.band <= widest, np.zeros(len(rows))
+
+    def still_met(search: Retrace, k: Rows, aside: FloatArray) -> BoolArray:
+        """Tell which rays, moved, meet the same surface as before; note how far t has moved."""
+        if not len(k):
+            return np.zeros(0, np.bool_)
+        probes, band = _rows_of(here, k), aim.band[k]
+        _widen(probes, band * np.maximum(1.0, 1.0 / length[k]))
+        found, record = new_nearest(t[k] + 2.0 * widest / length[k]), new_record(len(k))
+        search(probes, rows[k], aside, found)
+        describe(probes, found, Finished(*(getattr(record, name) for name in Finished._fields)))
+        with np.errstate(all="ignore"):  # normals of misses are nothing
+            slack = SAME * band * (1.0 / slope[k] + 1.0 / _slopes(record.normal, probes))
+            slack += 2.0 * (t_bound[k] + found.t_bound)
+            gap = np.abs(found.t - t[k])
+        same: BoolArray = (found.object_id == object_id[k]) & (gap * length[k] <= widest)
+        same &= ~(gap > slack)
+        np.maximum.at(moved, k[same], gap[same])
+        return same
+
     for across_edges, elsewhere in ((ACROSS, SOME), (NONE, REST)):
         sets = [(np.flatnonzero(stays & aim.is_edge), across_edges)]
         sets.append((np.flatnonzero(stays & ~aim.is_edge), elsewhere))
@@ -133,21 +157,16 @@ def settle(
         k = np.concatenate([np.repeat(some, len(turns)) for some, turns in sets])
         turn = np.concatenate([np.tile(turns, len(some)) for some, turns in sets])[:, None]
         turn = turn * (2.0 * np.pi / DIRECTIONS)
-        band = aim.band[k]
-        aside = band[:, None] * (np.cos(turn) * aim.outward[k] + np.sin(turn) * across[k])
-        probes = _rows_of(here, k)
-        _widen(probes, band * np.maximum(1.0, 1.0 / length[k]))
-        found, record = new_nearest(t[k] + 2.0 * widest / length[k]), new_record(len(k))
-        retrace(probes, aside, found)
-        describe(probes, found, Finished(*(getattr(record, name) for name in Finished._fields)))
-        with np.errstate(all="ignore"):  # normals of misses are nothing
-            slack = SAME * band * (1.0 / slope[k] + 1.0 / _slopes(record.normal, probes))
-            slack += 2.0 * (t_bound[k] + found.t_bound)
-            gap = np.abs(found.t - t[k])
-            same = (found.object_id == object_id[k]) & (gap * length[k] <= widest)
-            same &= ~(gap > slack)
-        stays[k[~same]] = False
-        np.maximum.at(moved, k[same], gap[same])
+        aside = aim.band[k, None] * (np.cos(turn) * aim.outward[k] + np.sin(turn) * across[k])
+        left = np.arange(len(k))
+        for search in searches[:-1]:
+            left = left[~still_met(search, k[left], aside[left])]
+        # Of rays that graze one that is lost is enough, mostly the first of those that are left.
+        # Others are asked all the same: how far they move t counts.
+        first = np.unique(k[left], return_index=True)[1]
+        for some in (left[first], np.delete(left, first)):
+            asked = some[stays[k[some]] | ~grazes[k[some]]]
+            stays[k[asked[~still_met(searches[-1], k[asked], aside[asked])]]] = False
     best.tangent[rows] = np.where(stays, CLEAR, WITHIN_BAND)
     # At a crease, a pole or a bend the slope of one piece does not say how far t is off; this does.
     best.t_bound[rows] = np.maximum(t_bound, moved)

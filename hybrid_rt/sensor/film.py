@@ -211,11 +211,8 @@ class Film:
     @OVERFLOWS
     def image(self) -> NDArray[np.float32]:
         """(height, width, 3) float32: the mean of the passes, linear, row 0 at the top."""
-        _, height, width, _ = self._sums.shape
-        result = np.empty((height, width, 3), np.float32)
-        at_once = max(STRIP // width, 1)
-        for first in range(0, height, at_once):
-            rows = slice(first, first + at_once)
+        result = np.empty(self._sums.shape[1:], np.float32)
+        for rows in self._rows():
             result[rows] = self._of_groups(rows).sum(axis=0) / self.n_passes
         return result
 
@@ -333,16 +330,13 @@ class Film:
         region = regions_of(height, width)
         sums = np.zeros((3 + GROUPS, REGIONS))
         counts = self._counts.reshape(-1, 1, 1)
-        for rows, mean, _ in self._strips():
-            # Einsum is many times as fast as mean over three channels.
-            of_groups = np.einsum("ghwc->ghw", self._of_groups(rows)) / counts
-            gaps = (of_groups - of_groups.mean(axis=0)) / 3.0
-            planes = [
-                np.einsum("hwc->hw", mean) / 3.0,
-                (gaps**2).sum(axis=0),
-                (gaps * gaps * gaps).sum(axis=0),
-                *gaps,
-            ]
+        for rows in self._rows():
+            grey = self._grey(rows)
+            mean = grey.sum(axis=0) / self.n_passes
+            grey /= counts
+            gaps = grey - grey.mean(axis=0)
+            squares = gaps * gaps
+            planes = [mean, squares.sum(axis=0), (squares * gaps).sum(axis=0), *gaps]
             for k, plane in enumerate(planes):
                 sums[k] += np.bincount(region[rows].ravel(), plane.ravel(), REGIONS)
         n = np.maximum(np.bincount(region.ravel(), minlength=REGIONS), 1)
@@ -362,8 +356,7 @@ class Film:
 
         No single path has brought more.
         """
-        highest = max(float(sums.mean(axis=2).max()) for sums in self._sums)
-        return max(highest, float(self._run.mean(axis=2).max()))
+        return max(float(self._grey(rows).max()) for rows in self._rows())
 
     def _bright_path(self, mean: float) -> float:
         """Return what one of the bright paths that make the noise contributes to the image mean.
@@ -376,8 +369,8 @@ class Film:
             return 0.0
         squares = cubes = 0.0
         counts = self._counts.reshape(-1, 1, 1) * mean
-        for rows, _, _ in self._strips():
-            of_rows = bright_path(self._of_groups(rows).mean(axis=3) / counts)
+        for rows in self._rows():
+            of_rows = bright_path(self._grey(rows) / counts)
             squares, cubes = squares + of_rows[0], cubes + of_rows[1]
         size = cubes / squares if squares > 0.0 and cubes > 0.0 else 0.0
         # k3 / k2 of four groups is the sums' ratio times n / (n - 2); a group is a quarter of the mean.
@@ -394,6 +387,12 @@ class Film:
         sums = self._sums[:, rows].copy()
         sums[self.n_passes // RUN % GROUPS] += self._run[rows]
         return sums
+
+    def _grey(self, rows: slice) -> FloatArray:
+        """Return the means of the channels of the sums over groups, (GROUPS, rows, width)."""
+        # Einsum is many times as fast as mean over three channels.
+        grey: FloatArray = np.einsum("ghwc->ghw", self._of_groups(rows)) / 3.0
+        return grey
 
     def _root_mean_squares(self) -> tuple[float, RelativeErrors]:
         """Return those of the pixels' standard errors, absolute and relative; nan after one pass."""
@@ -453,13 +452,17 @@ class Film:
             result += share * (pairs / (seen * seen + DARK)).sum(axis=-1)
         return result
 
-    def _strips(self) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
-        """Yield rows, their mean and the variance of that, a strip of the picture at a time."""
-        n = self.n_passes
-        height, width, _ = self._sums.shape[1:]
+    def _rows(self) -> Iterator[slice]:
+        """Yield the rows of the picture, a strip at a time."""
+        _, height, width, _ = self._sums.shape
         at_once = max(STRIP // width, 1)
         for first in range(0, height, at_once):
-            rows = slice(first, first + at_once)
+            yield slice(first, first + at_once)
+
+    def _strips(self) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
+        """Yield rows, their mean and the variance of that, a strip at a time."""
+        n = self.n_passes
+        for rows in self._rows():
             sums = self._of_groups(rows)
             mean = sums.sum(axis=0) / n
             if self._squares is None:

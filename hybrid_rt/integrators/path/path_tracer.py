@@ -78,6 +78,7 @@ from hybrid_rt.integrators.path.path_state import (
 )
 from hybrid_rt.integrators.path.pilot import (
     CLEARLY_LESS,
+    FAR_LESS,
     FEWEST_PIXELS,
     PILOT_LIGHT_PATHS,
     work_times_noise,
@@ -119,15 +120,17 @@ class PathTracer(Integrator):
         self._diffuse_only = diffuse_materials(context.scene.lobes)
         self._ends_known = self._diffuse_only & ~context.scene.materials_with(DELTA)[:-1]
         self._lamps: LightPathTracer | None = None
-        # One mirror, lens or narrow surface, and a surface on either end of the join, at least.
-        if plan["light paths"]:
+        keeps_all = self._may_connect_all()
+        # One mirror, lens or narrow surface, and a surface on either end of the join, at least; or light of
+        # surfaces near lamps.
+        if plan["light paths"] or keeps_all:
             self._lamps = LightPathTracer(
                 context,
                 self._light,
                 self._contacts,
                 self._media_around_camera,
                 self._options,
-                keeps_all=self._may_connect_all(),
+                keeps_all,
             )
         # What single rays are traced by; None: paths advance together.
         self._forms = context.tracer.closed_forms() if plan["single rays"] else None
@@ -174,7 +177,8 @@ class PathTracer(Integrator):
                 number = round(self._vertices_per_path * PILOT_PATHS) or "none"
                 why = f"{number} of {PILOT_PATHS} light paths came to a surface that spreads light"
                 self._leave_out_light_paths()
-                self.context.plan.decide("light paths", False, "", why)
+                if self.context.plan["light paths"]:
+                    self.context.plan.decide("light paths", False, "", why)
 
     def _throws_by_one_pane(self) -> bool:
         """Tell whether all ways by mirrors and glass are by one box, and are computed."""
@@ -192,9 +196,11 @@ class PathTracer(Integrator):
         work = []
         for lamps.keeps_all, lamps.min_distance, self._vertices_per_path in (connected, followed):
             work.append(work_times_noise(self, n_paths))
-        if work[0] < CLEARLY_LESS * work[1]:
+        leads = self.context.plan["light paths"]
+        if work[0] < (CLEARLY_LESS if leads else FAR_LESS) * work[1]:
             lamps.keeps_all, lamps.min_distance, self._vertices_per_path = connected
-            why = "paths from lamps light every surface, and find what mirrors and glass throw"
+            why = "paths from lamps light every surface"
+            why += ", and find what mirrors and glass throw" if leads else ""
             self.context.plan.decide("light paths", True, why, "")
         lamps.n_paths = n_paths
 
@@ -212,11 +218,10 @@ class PathTracer(Integrator):
 
     def _may_connect_all(self) -> bool:
         """Tell whether connections might find all light between diffuse surfaces."""
-        camera = self.context.scene.camera
-        is_worth_a_pilot = camera.width * camera.height >= FEWEST_PIXELS
-        return bool(
-            is_worth_a_pilot and self._diffuse_only.any() and finds_all_light(self.context.scene)
-        )
+        scene, allows = self.context.scene, not self._options.without_light_paths
+        is_worth_a_pilot = scene.camera.width * scene.camera.height >= FEWEST_PIXELS
+        has_both = bool(scene.lights.emit.any() and self._diffuse_only.any())
+        return allows and is_worth_a_pilot and has_both and finds_all_light(scene)
 
     def _leave_out_light_paths(self) -> None:
         """Compute the ways to lamps from all surfaces instead."""

@@ -42,7 +42,7 @@ from hybrid_rt.sensor.projection import Projection
 
 # Photons of a first try, one for so many pixels, and within these limits. If the camera sees fewer than
 # ENOUGH of them, in effect, MOST_PHOTONS are sent.
-PIXELS_EACH, FEWEST_PHOTONS, MOST_PHOTONS, ENOUGH = 64, 2000, 20_000, 30.0
+PIXELS_EACH, FEWEST_PHOTONS, MOST_PHOTONS, ENOUGH = 64, 2000, 20_000, 16.0
 # Far from the dimensions of all other photons, and of the first ones where photons are sent again.
 CHECK_DIMENSION, REPEATED = 2**43, 2**44
 # The normal quantile of a limit that one estimate of a thousand is beyond.
@@ -66,7 +66,7 @@ class MeanEstimate:
     n_seen : int
         Those that the camera sees, or that are connected to what it sees.
     n_effective : float
-        How many events of one size would have the same relative error.
+        How many events of one size would have the same relative error; 0 if none of the photons of a light is seen.
     mean : float
     low, high : float
         The 95 % interval of ``mean``: a score interval, as few bright photons make it skewed.
@@ -184,7 +184,7 @@ def _estimated(context: RenderContext, found: str, n: int, dimension: int) -> Me
     return MeanEstimate(
         n_photons=n_photons,
         n_seen=n_seen,
-        n_effective=_ratio(mean, variance),
+        n_effective=_ratio(mean, variance) if all(p.sees_every_light for p in probes) else 0.0,
         mean=mean,
         low=float(low[0]),
         high=float(high[0]),

@@ -36,6 +36,7 @@ from hybrid_rt.integrators.photons.photon_groups import (
     NUMBER_BITS,
     Group,
     Piece,
+    in_sequence,
     names_of,
     size_for_discs,
 )
@@ -136,6 +137,8 @@ class Probe(PhotonTracer):
         Power of the photons that began so, summed over channels. Written.
     stored, number_of_stored : Photons and (n,) uint64
         What camera rays may gather, if there is something to see it by. Written.
+    sees_every_light : bool
+        Whether the camera sees photons of each light. Written.
     lit, light : (n, 3) and (n,) float64
         Where photons met wide lobes, and what these reflect of them: the mean of the channels of the
         power of all groups. Written.
@@ -164,6 +167,7 @@ class Probe(PhotonTracer):
         self.is_mixed = bool((kept & ~self._begins).any())
         self.begun = 0.0
         self.stored, self.number_of_stored = joined([]), np.zeros(0, dtype=np.uint64)
+        self.sees_every_light = True
         self.lit, self.light = np.zeros((0, 3)), np.zeros(0)
         self._is_wide = scene.lobes_with(WIDE)
         # Where all lobes are wide, photons go on by these.
@@ -186,7 +190,9 @@ class Probe(PhotonTracer):
         mirrors = bool(context.scene.materials_with(FOLLOWED).any())
         stored, numbers = list[Photons](), [self.number_of_stored]
         lit, light = [self.lit], [self.light]
-        flight = self._all_launched(groups)
+        flight = self._all_launched(groups, ends is not None)
+        light_of = np.array([group.light for group in groups])
+        lights = np.unique(light_of[_number_of_group(flight.number)])
         connected = flight.number[:0]
         for depth in range(context.max_depth + 1):
             if flight.number.size == 0:
@@ -236,7 +242,10 @@ class Probe(PhotonTracer):
                 self.begun += float(flight.power.sum())
         self.stored, self.number_of_stored = joined(stored), np.concatenate(numbers)
         self.lit, self.light = np.concatenate(lit), np.concatenate(light)
-        return Seen(*(np.concatenate(columns) for columns in zip(*seen, strict=True)))
+        found = Seen(*(np.concatenate(columns) for columns in zip(*seen, strict=True)))
+        seen_lights = light_of[_number_of_group(found.number)]
+        self.sees_every_light = bool(np.isin(lights, seen_lights).all())
+        return found
 
     def _shares(self, by_power: FloatArray) -> FloatArray:
         """Mostly by power, but `EVENLY`: a faint light may be all that lights a part of the picture."""
@@ -304,15 +313,34 @@ class Probe(PhotonTracer):
             np.zeros(sent.size, dtype=np.bool_),
         )
 
-    def _all_launched(self, groups: list[Group]) -> Flight:
-        """Launch photons of all lights and groups of passes."""
+    def _all_launched(self, groups: list[Group], together: bool) -> Flight:
+        """Launch photons of all lights and groups of passes.
+
+        Those of a light that leave ``together`` are points of one sequence: so fewer small openings are missed
+        than by a sequence for each group of passes, but then groups tell too much noise.
+        """
         pairs = [(g, k) for g in groups for k in range(GROUPS) if self._chosen[k, g.light] > 0.0]
-        names = [names_of(Piece(group, 0, group.n), k * RUN) for group, k in pairs]
+        names = [
+            names_of(Piece(group, k * group.n, (k + 1) * group.n), 0)
+            if together
+            else names_of(Piece(group, 0, group.n), k * RUN)
+            for group, k in pairs
+        ]
         flight = self._launched([group for group, _ in pairs], names, self._dimension)
         number, k = np.divmod(flight.number >> NUMBER_BITS, np.uint64(GROUPS))
+        if together:
+            n = np.array([group.n for group in groups], dtype=np.uint64)[number]
+            k = in_sequence(flight.number)[1] // n
+            flight.number[:] += k << NUMBER_BITS
         light = np.array([group.light for group in groups])[number]
         flight.power[:] *= self._chosen[k, light][:, None]
         return flight
+
+
+def _number_of_group(number: NDArray[np.uint64]) -> NDArray[np.intp]:
+    """Return the numbers of the `Group` of photons of `Probe.follow`."""
+    group: NDArray[np.intp] = ((number >> NUMBER_BITS) // np.uint64(GROUPS)).astype(np.intp)
+    return group
 
 
 def group_of_photons(number: NDArray[np.uint64]) -> NDArray[np.intp]:

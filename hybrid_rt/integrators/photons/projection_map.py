@@ -18,10 +18,10 @@ from hybrid_rt.primitives.instances import Instances
 from hybrid_rt.scene.compiled import CompiledScene
 from meshing.surface import Surface
 
-# Balls about one surface at most: each photon looks at all balls of a scene.
-MOST_BALLS = 16
+# Balls about one surface, and about all that are covered by several: each photon looks at all balls of a scene.
+MOST_BALLS, MOST_BALLS_OF_ALL = 16, 64
 # Cells that a surface is cut into, about; balls hold whole cells.
-CELLS = 4096
+CELLS = 1024
 # A ball about the corners of cells reaches this much farther, as cells are curved. What sticks out
 # nevertheless is found by photons that are not aimed.
 MARGIN = 1.01
@@ -45,36 +45,37 @@ def targets_of(scene: CompiledScene, throws: BoolArray) -> Targets:
     Targets
         The largest first; none lies within another.
     """
-    balls: list[Ball] = []
-    for i in np.flatnonzero(throws[scene.material_of]):
-        surface = scene.surfaces[i]
-        if surface.is_bounded:
-            balls += covering(_cells(surface)) if surface.ball is None else [surface.ball]
+    surfaces = [scene.surfaces[i] for i in np.flatnonzero(throws[scene.material_of])]
+    others = [surface for surface in surfaces if surface.is_bounded and surface.ball is None]
+    most = min(max(MOST_BALLS_OF_ALL // max(len(others), 1), 1), MOST_BALLS)
+    balls = [ball for surface in surfaces if (ball := surface.ball) is not None]
+    for surface in others:
+        balls += covering(_cells(surface), most)
     return _without_those_inside(balls)
 
 
-def covering(cells: FloatArray) -> list[Ball]:
+def covering(cells: FloatArray, most: int = MOST_BALLS) -> list[Ball]:
     """Cover cells (n, corners, 3) by a few balls with a small sum of squared radii.
 
     That sum is proportional to the solid angle aimed at. The cells of the largest ball are split in
     two repeatedly, which gives a cover for each number of balls. Of the covers whose sum is near
     the least, the finest is returned: around a flat part seen edge-on, smaller balls waste less.
     """
-    parts = [cells]
+    parts, middle = [np.arange(len(cells))], cells.mean(axis=1)
     balls = [_ball(cells)]
     covers = [balls]
-    while len(balls) < MOST_BALLS:
+    while len(balls) < most:
         largest = max(range(len(balls)), key=lambda k: balls[k][1])
         part = parts.pop(largest)
         if len(part) < 2:
             break
-        middle = part.mean(axis=1)
-        along = middle[:, np.ptp(middle, axis=0).argmax()]
+        extent = np.ptp(middle[part], axis=0)
+        along = middle[part, extent.argmax()]
         order = np.argsort(along, kind="stable")
         # In the middle of the extent, not of the cells: they may be smaller in one half.
         cut = int(np.searchsorted(along[order], 0.5 * (along.min() + along.max())))
         halves = np.split(part[order], [min(max(cut, 1), len(part) - 1)])
-        balls = balls[:largest] + balls[largest + 1 :] + [_ball(half) for half in halves]
+        balls = balls[:largest] + balls[largest + 1 :] + [_ball(cells[half]) for half in halves]
         parts += halves
         covers.append(balls)
     squares = [sum(radius * radius for _, radius in balls) for balls in covers]

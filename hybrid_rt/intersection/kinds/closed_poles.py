@@ -23,7 +23,7 @@ SAME = 16.0 * 2.0**-52
 # Sectors are looked for at points that are the same in so many steps of the frame.
 PLACES = 2.0**32
 # The disc reaches to this part of the patches, and its sectors are cut into so many.
-PART, CUTS = 0.125, 4
+PART, CUTS = 2.0**-16, 4
 # Cosine of half the widest sector, and what is left of a vector's length, seen aslant, for
 # ``steep`` times the tangent of the angle between d and a up to `kernels.patch.finish.ASLANT`.
 NARROW, LEFT = 0.5, 0.25

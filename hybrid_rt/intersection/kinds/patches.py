@@ -35,13 +35,18 @@ from hybrid_rt.intersection.kernels.patch.trace import (
     settle_doubts,
     trace_patches,
 )
-from hybrid_rt.intersection.kernels.search.coarse import CoarseHits, guess_cells
+from hybrid_rt.intersection.kernels.search.coarse import (
+    CoarseHits,
+    CoarseTriangles,
+    guess_cells,
+)
+from hybrid_rt.intersection.kernels.search.counters import NEWTONS
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tolerances import DEPTH, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_stack
 from hybrid_rt.intersection.kind import Finished, rows_of, widen_bounds
 from hybrid_rt.intersection.kinds.closed_poles import closed_poles
-from hybrid_rt.intersection.margins import Aim, suspects
+from hybrid_rt.intersection.margins import Aim, Rows, suspects
 from hybrid_rt.intersection.margins import settle as settle_rows
 from hybrid_rt.intersection.sheets import Sheets
 from hybrid_rt.intersection.trims import may_hold_hits, no_trim, trim_of, trimmed_of, whole_of
@@ -256,10 +261,27 @@ class PatchKind:
         accepted: BoolArray,
     ) -> None:
         """Refine coarse hits on their patches by Newton iteration; lower ``best`` to them."""
+        accepted |= self._refine(
+            hits, coarse.triangles, self._first_of(coarse), rows, rays, _NOT_MOVED, best
+        )
+
+    def _refine(
+        self,
+        hits: CoarseHits,
+        triangles: CoarseTriangles,
+        first: NDArray[np.int64],
+        rows: NDArray[np.int64],
+        rays: Rays,
+        aside: FloatArray,
+        best: Nearest,
+    ) -> BoolArray:
+        """Refine hits on triangles for rays moved by ``aside``, world; return which were accepted."""
+        accepted = np.zeros(len(rows), np.bool_)
         refine_patches(
-            self._told, hits, coarse.triangles, self._first_of(coarse), rows, rays, best,
+            self._told, hits, triangles, first, rows, rays, self.table.to_frame * aside, best,
             _new_basis(self.table), accepted,
         )  # fmt: skip
+        return accepted
 
     def settle(
         self,
@@ -278,14 +300,28 @@ class PatchKind:
         aim = Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
         aim_at_patches(self._told, rays, best, out, rows, _new_basis(table), *aim)
 
-        def retrace(probes: Rays, aside: FloatArray, nearest: Nearest) -> None:
-            aside *= table.to_frame
-            self._trace(probes, aside, _NO_CELLS, nearest, False, np.empty(0), work)
+        def follow(probes: Rays, which: Rows, aside: FloatArray, nearest: Nearest) -> None:
+            # A point stands for a triangle, of which the first corner counts.
+            k, m = best.primitive[which], len(which)
+            corners = np.repeat(np.column_stack([best.a[which], best.b[which]])[:, None], 3, axis=1)
+            points = CoarseTriangles(
+                np.empty((0, 3)), np.empty((0, 3), np.int64), table.object_id[k], table.patch_id[k],
+                corners,
+            )  # fmt: skip
+            starts = CoarseHits(
+                np.arange(m, dtype=np.int32), best.t[which], np.zeros(m), np.zeros(m)
+            )
+            self._refine(starts, points, self._first_patch, np.arange(m), probes, aside, nearest)
+            work[NEWTONS] += m
+
+        def retrace(probes: Rays, _: Rows, aside: FloatArray, nearest: Nearest) -> None:
+            moves = table.to_frame * aside
+            self._trace(probes, moves, _NO_CELLS, nearest, False, np.empty(0), work)
 
         def describe(probes: Rays, nearest: Nearest, found: Finished) -> None:
             self.finish(probes, nearest, kind_of, kind, found)
 
-        settle_rows(rows, rays, best, out, aim, 1.0 / table.to_frame, retrace, describe)
+        settle_rows(rows, rays, best, out, aim, 1.0 / table.to_frame, [follow, retrace], describe)
 
     def _first_of(self, coarse: Coarse) -> NDArray[np.int64]:
         """Return for each object its first patch here, -1 for objects of other kinds."""

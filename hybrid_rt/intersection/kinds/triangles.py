@@ -21,7 +21,7 @@ from hybrid_rt.intersection.kernels.triangle import (
     trace_triangles,
 )
 from hybrid_rt.intersection.kind import Finished
-from hybrid_rt.intersection.margins import Aim, suspects
+from hybrid_rt.intersection.margins import Aim, Rows, suspects
 from hybrid_rt.intersection.margins import settle as settle_rows
 from hybrid_rt.primitives import TriangleMesh
 
@@ -128,14 +128,14 @@ class TriangleKind:
         aim = Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
         aim_at_triangles(table, rays, best, rows, *aim)
 
-        def retrace(probes: Rays, aside: FloatArray, nearest: Nearest) -> None:
+        def retrace(probes: Rays, _: Rows, aside: FloatArray, nearest: Nearest) -> None:
             stack = new_stack(self.tree)
             trace_triangles(table, self.tree, probes, aside, nearest, False, stack, work)
 
         def describe(probes: Rays, nearest: Nearest, found: Finished) -> None:
             self.finish(probes, nearest, kind_of, kind, found)
 
-        settle_rows(rows, rays, best, out, aim, 1.0 / table.to_frame, retrace, describe)
+        settle_rows(rows, rays, best, out, aim, 1.0 / table.to_frame, [retrace], describe)
 
 
 def _longest_side(corners: FloatArray) -> float:

@@ -76,7 +76,9 @@ def at_the_end_of_a_pipe(surface: TriangleMesh | TrimmedSurface) -> Scene:
 
 
 @row(
-    "L16", "nets and perforated sheets in one mesh", "closed form of the mean: held by its interval"
+    "L16",
+    "nets and perforated sheets in one mesh",
+    "closed form of the mean: held by its interval in 7 of 8 seeds of each",
 )
 def thin_things(effort: Effort) -> Outcome:
     """Hold the mean of photons in its interval in all but one of eight seeds; discs span strips and holes."""

@@ -55,8 +55,12 @@ def count_changed(t_guess, t_before, best, counters):
 
 
 @kernel
-def refine_patches(table, hits, triangles, first_patch, rows, rays, best, basis, accepted):
-    """Newton from coarse hits, with no proof of anything (accuracy "refined")."""
+def refine_patches(table, hits, triangles, first_patch, rows, rays, aside, best, basis, accepted):
+    """Newton from coarse hits, with no proof of anything (accuracy "refined", and displaced rays).
+
+    ``aside``, (n, 3) or (0, 3), moves each ray, in lengths of the frame. The rest is as in
+    `CurvedKind.refine`.
+    """
     to_world = 1.0 / table.to_frame
     for j in range(hits.face.shape[0]):
         i, f = rows[j], hits.face[j]
@@ -71,6 +75,8 @@ def refine_patches(table, hits, triangles, first_patch, rows, rays, best, basis,
         hx, hy, hz, lx, ly, lz, shift = enter_frame(
             o[0], o[1], o[2], d[0], d[1], d[2], middle[0], middle[1], middle[2], table.to_frame
         )
+        if aside.shape[0] > 0:
+            hx, hy, hz = hx + aside[i, 0], hy + aside[i, 1], hz + aside[i, 2]
         ray = FrameRay(hx, hy, hz, lx, ly, lz, d[0], d[1], d[2], shift, to_world)
         patch, line = patch_of(table, k, basis), from_centre(table, k, ray)
         status, a, b, s, _, n_dot_d, gain_u, gain_v = newton(

@@ -29,6 +29,9 @@ CONVERGED, FAILED = 1, 0
 LAST_STEP = 1e-8
 # The equation holds to rounding where it is off by no more than this part of the bound.
 ROOT = 0.5
+# After so many steps what is left across the tangent plane is no longer followed where it is rounding:
+# of a ray nearly in that plane it would throw u, v and t about for ever.
+STEPS_IN_SPACE = 4
 # Steps to the point of a border that is next to a ray which passes just beyond it.
 BORDER_APPROACHES = 3
 # A border farther away in parameters than this many bands is farther away in space than one.
@@ -155,6 +158,12 @@ def newton(patch, ray, u, v, t, side_u, side_v):
         rr = rx * rx + ry * ry + rz * rz
         # Nearly in the tangent plane rounding becomes a long step, which would leave the surface.
         is_root = rr <= (ROOT * error) ** 2
+        if not is_root and step > STEPS_IN_SPACE:
+            rn, nn = rx * nx + ry * ny + rz * nz, nx * nx + ny * ny + nz * nz
+            if rn * rn <= (ROOT * error) ** 2 * nn:
+                rx, ry, rz = rx - rn / nn * nx, ry - rn / nn * ny, rz - rn / nn * nz
+                du = (rx * ax + ry * ay + rz * az) * inv
+                dv = (rx * bx + ry * by + rz * bz) * inv
         if not is_root:
             u += du
             v += dv

@@ -13,7 +13,9 @@ taken nearest first.
 At a silhouette pieces become thin across the fold before they become short. A piece thinner than
 rounding holds no decision to be made: if it is as short as such a piece of a curved surface is, it
 is taken as a root, to be probed; if it is long, a flat piece lies edge-on in the ray, and the ray
-passes it by with its doubt noted. So does a ray that passes any piece within the band.
+passes it by with its doubt noted. So does a ray that passes any piece within the band. The first doubt
+is all that counts: behind it no piece is asked that cannot hold a root, so a ray along a surface, for
+which all pieces are doubtful, costs little more than one that touches it.
 
 Pieces with a collapsed edge are treated apart, in `patch.poles`: all their parts meet all rays
 through the point that the edge is, so halving would go on until they are points.
@@ -92,6 +94,11 @@ THIN_BESIDE = 0.25
 WIDER = 8.0
 # Flat pieces in the ray are halved to this part of the patch, so that it is known where they begin.
 LONG = 2.0**-6
+# Where tangents are parallel as the ray sees them, a piece of this many slops is as good as a point: very
+# many would be left.
+SHORT = 64.0
+# A rectangle is narrowed to this part of itself where it may hold roots.
+NARROWED = 2.0**-5
 # What its points may be farther from the ray than its hull.
 FARTHER = 1.0 + 2.0 * THIN_BESIDE
 
@@ -154,18 +161,24 @@ def _from_origin(control, k, ox, oy, oz, rational):
 
 @inlined
 def slow_solve(
-    i, patch, ray, u0, u1, v0, v1, t_lo, t_cut, band, rays, best, scratch, counters
+    i, patch, ray, u0, u1, v0, v1, t_lo, t_cut, band, is_moved, offers, rays, best, scratch, counters
 ):  # fmt: skip
     """Find the first root of ray i in the rectangle [u0, u1] x [v0, v1] of a patch and offer it.
 
     t in [t_lo, t_cut] counts lengths of d from o. Pieces without a root, but within ``band`` of the
-    ray, are noted as doubts. What is offered depends on ray and rectangle only, not on `best`.
+    ray, are noted as doubts; of rays that are moved nobody asks for these. What is offered depends on
+    ray and rectangle only, not on `best`. Without ``offers`` no root is looked for: returned are the ends
+    of a rectangle around all pieces that may hold one.
     """
     control, start, degree_u, degree_v, basis, rational, size, object_id, row, _ = patch
     ox, oy, oz, dx, dy, dz, shift, to_world = ray
     t_min, known = rays.t_min, rays.known
     nets, boxes, room = scratch.nets, scratch.boxes, scratch.room
     counters[SLOW] += 1
+    # Doubts of other searches leave out nothing here: which of them come first may differ.
+    doubt_before = best.doubt[i]
+    held_u0, held_u1, held_v0, held_v1 = np.inf, -np.inf, np.inf, -np.inf
+    best.doubt[i] = -np.inf if is_moved else np.inf
     length = np.sqrt(dx * dx + dy * dy + dz * dz)
     ex, ey, ez = dx / length, dy / length, dz / length
     px, py, pz, qx, qy, qz = normals_of(dx, dy, dz)
@@ -242,28 +255,39 @@ def slow_solve(
         deep_v *= weight_v
         um, vm = 0.5 * (boxes[top, 0] + boxes[top, 1]), 0.5 * (boxes[top, 2] + boxes[top, 3])
         hu, hv = 0.5 * (boxes[top, 1] - boxes[top, 0]), 0.5 * (boxes[top, 3] - boxes[top, 2])
-        # --- the box that lies along the longer tangent
-        if au * au + av * av >= bu * bu + bv * bv:
-            tx, ty = au, av
-        else:
+        # --- boxes along both tangents, last along the longer one: narrow together where they are nearly parallel
+        is_met = True
+        x0 = x1 = y0 = y1 = tx = ty = 0.0
+        for turn in range(2):
             tx, ty = bu, bv
-        norm = np.sqrt(tx * tx + ty * ty)
-        if norm > 0.0:
-            tx /= norm
-            ty /= norm
-        else:
-            tx, ty = 1.0, 0.0
-        x0 = y0 = np.inf
-        x1 = y1 = -np.inf
-        for r in range(degree_u + 1):
-            for c in range(degree_v + 1):
-                x = seen[r, c, 0] * tx + seen[r, c, 1] * ty
-                y = seen[r, c, 1] * tx - seen[r, c, 0] * ty
-                x0, x1 = min(x0, x), max(x1, x)
-                y0, y1 = min(y0, y), max(y1, y)
-        if x0 > reach or x1 < -reach or y0 > reach or y1 < -reach:
+            if (au * au + av * av >= bu * bu + bv * bv) == (turn == 1):
+                tx, ty = au, av
+            norm = np.sqrt(tx * tx + ty * ty)
+            if norm > 0.0:
+                tx /= norm
+                ty /= norm
+            else:
+                tx, ty = 1.0, 0.0
+            x0 = y0 = np.inf
+            x1 = y1 = -np.inf
+            for r in range(degree_u + 1):
+                for c in range(degree_v + 1):
+                    x = seen[r, c, 0] * tx + seen[r, c, 1] * ty
+                    y = seen[r, c, 1] * tx - seen[r, c, 0] * ty
+                    x0, x1 = min(x0, x), max(x1, x)
+                    y0, y1 = min(y0, y), max(y1, y)
+            is_met = not (x0 > reach or x1 < -reach or y0 > reach or y1 < -reach)
+            is_beside = is_beside or x0 > slop or x1 < -slop or y0 > slop or y1 < -slop
+            if not is_met:
+                break
+        if not is_met:
             continue
-        is_beside = is_beside or x0 > slop or x1 < -slop or y0 > slop or y1 < -slop
+        # Of places beside the ray the first one counts, and of roots before t_min that there is one.
+        t_first = ((h0 - slop) / length + shift) * to_world
+        is_behind = ((h1 + slop) / length + shift) * to_world <= t_min[i]
+        is_late = t_first >= best.doubt[i]
+        if (is_beside and (is_behind or is_late)) or (is_behind and best.doubt[i] <= t_min[i]):
+            continue
         is_point = max(f1 - f0, g1 - g0, h1 - h0) <= 4.0 * slop
         is_long = h1 - h0 > LONG * size
         # --- without a root, but perhaps within the band; or too small to be told from a point, or too
@@ -297,9 +321,12 @@ def slow_solve(
         if is_thin:
             n_dot_d = _steepness(patch, um, vm, ex, ey, ez)
             is_flat = n_dot_d < CLEAR_CROSSING
-            is_root = is_point or (is_flat and x1 - x0 < fold and h1 - h0 < fold)
+            short = fold if is_flat else SHORT * slop
+            is_root = is_point or (x1 - x0 < short and h1 - h0 < short)
             passes = is_flat and not is_root and not is_long
-        if may_pass or is_root:
+            if is_flat and is_long and is_late:
+                continue
+        if may_pass or (is_root and offers):
             u, v, t_near, gap, there = approach(
                 patch, ray, um, vm, um - hu, um + hu, vm - hv, vm + hv, APPROACHES
             )
@@ -333,13 +360,13 @@ def slow_solve(
             t = t_near
         if passes:
             doubt_piece(i, t, reach, um, vm, hu, hv, patch, ray, rays, best)
-        if passes or is_root or (may_pass and is_point):
+        if passes or (is_root and offers) or (may_pass and is_point):
             continue
         # --- Krawczyk: how far the tangents turn, seen through the inverse of their mean
         contracts = is_last = False
         det = au * bv - av * bu
         is_single = known_of in (SINGLE, NEAR_POINT)
-        if not is_single and det != 0.0:
+        if not is_single and not is_root and det != 0.0:
             y00, y01, y10, y11 = bv / det, -bu / det, -av / det, au / det
             turn_u0 = turn_u1 = turn_v0 = turn_v1 = 0.0
             half = 0.5 * degree_u
@@ -371,7 +398,14 @@ def slow_solve(
                 contracts = q + 2.0 * turn_w < NEWTON_TURN
                 is_last = y1 - y0 < LAST_CHANCE * slop and (x1 - x0) ** 2 > 16.0 * (y1 - y0) * size
                 start_u, start_v = min(max(cu, -1.0), 1.0), min(max(cv, -1.0), 1.0)
-        if contracts or is_last or is_single:
+        may_hold = contracts or is_last or is_single
+        is_wide = may_hold and not offers and 2.0 * hu > NARROWED * (u1 - u0)
+        is_tall = may_hold and not offers and 2.0 * hv > NARROWED * (v1 - v0)
+        if not offers and (may_hold or is_root) and not (is_wide or is_tall):
+            held_u0, held_u1 = min(held_u0, boxes[top, 0]), max(held_u1, boxes[top, 1])
+            held_v0, held_v1 = min(held_v0, boxes[top, 2]), max(held_v1, boxes[top, 3])
+            continue
+        if may_hold and offers:
             counters[NEWTONS] += 1
             u, v = um + hu * start_u, vm + hv * start_v
             # What is left along the ray has to be small: nearly in the tangent plane its
@@ -409,6 +443,9 @@ def slow_solve(
                 continue
         # --- halve the longer side, the nearer half on top
         if top + 2 > DEPTH - 1 or pieces >= MAX_PIECES:
+            if not offers:
+                held_u0, held_u1, held_v0, held_v1 = u0, u1, v0, v1
+                break
             counters[GIVEN_UP] += 1
             # None of the pieces that wait has been looked at: any may be nearer than this one.
             for k in range(top):
@@ -416,11 +453,11 @@ def slow_solve(
                 h0 = min(h0, near)
             best.doubt[i] = min(best.doubt[i], (h0 / length + shift) * to_world)
             break
-        if y1 - y0 < 2.0 * slop or (is_beside and y1 - y0 < THIN_BESIDE * reach):
+        if y1 - y0 < 2.0 * slop or (is_beside and (is_long or y1 - y0 < THIN_BESIDE * reach)):
             side_u += deep_u
             side_v += deep_v
         # A wide cone is narrowed along its edge.
-        along_u = side_u >= side_v
+        along_u = is_wide or (side_u >= side_v and not is_tall)
         if known_of == WIDE and side >= 2:
             along_u = WIDER * side_u >= side_v
         elif known_of == WIDE:
@@ -448,5 +485,7 @@ def slow_solve(
                 boxes[top, k] = boxes[top + 1, k]
                 boxes[top + 1, k] = swap
         top += 2
+    best.doubt[i] = min(best.doubt[i], doubt_before)
     counters[PIECES] += pieces
     counters[MOST_PIECES] = max(counters[MOST_PIECES], pieces)
+    return held_u0, held_u1, held_v0, held_v1

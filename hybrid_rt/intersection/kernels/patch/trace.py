@@ -87,6 +87,9 @@ SETTLED, TO_QUARTERS, DOUBTFUL = 0, 1, 2
 CELL = 2**31
 # The guess, and the quarters of a cell.
 MORE = 8
+# So many cells of a patch that one ray leaves in doubt are first searched together. Cells this part of
+# their sides from what may hold a root may offer it too, and cells at a border its points.
+MANY, BESIDE = 8, 0.125
 
 
 @inlined
@@ -264,6 +267,14 @@ def trace_patches(table, tree, rays, aside, guess, best, any_hit, scratch, t_gue
 
 
 @inlined
+def _place_of(record, cell):
+    """Return u0, u1, v0, v1 of a cell."""
+    um, vm = record[cell, MIDDLE_U], record[cell, MIDDLE_V]
+    hu, hv = record[cell, HALF], record[cell, HALF + 1]
+    return um - hu, um + hu, vm - hv, vm + hv
+
+
+@inlined
 def _side_of(table, k, u0, u1, v0, v1):
     """Return on which side of a cell its patch ends in a point; else -1."""
     if u0 != 0.0 and u1 != 1.0 and v0 != 0.0 and v1 != 1.0:
@@ -276,50 +287,79 @@ def _side_of(table, k, u0, u1, v0, v1):
 
 @kernel
 def settle_doubts(table, rays, aside, best, any_hit, scratch, n_doubts, counters):
-    """Search the cells that `trace_patches` has queued, and lower ``best`` to what they hold."""
+    """Search the cells that `trace_patches` has queued, and lower ``best`` to what they hold.
+
+    A ray along a patch leaves many of its cells in doubt, and one search of the rectangle around them shows
+    that most hold no root. What is offered is always found from its own cell, so its bits do not depend on
+    which cells wait.
+    """
     middle, to_frame, record, queue = table.middle, table.to_frame, table.record, scratch.queue
-    to_world = 1.0 / to_frame
-    for row in range(n_doubts):
-        i, cell = np.int64(queue[row, 0]), np.int64(queue[row, 1])
-        if cell < 0 or (any_hit and best.object_id[i] >= 0):
-            continue
+    to_world, is_moved = 1.0 / to_frame, aside.shape[0] > 0
+    end = 0
+    while end < n_doubts:
+        row, i = end, np.int64(queue[end, 0])
+        while end < n_doubts and queue[end, 0] == i:
+            end += 1
         o, d = rays.origin[i], rays.direction[i]
         x, y, z, lx, ly, lz, shift = enter_frame(
             o[0], o[1], o[2], d[0], d[1], d[2], middle[0], middle[1], middle[2], to_frame
         )
-        if aside.shape[0] > 0:
+        if is_moved:
             x, y, z = x + aside[i, 0], y + aside[i, 1], z + aside[i, 2]
+        ray = FrameRay(x, y, z, lx, ly, lz, d[0], d[1], d[2], shift, to_world)
         t_lo = begin_of(rays.t_min[i], to_frame, shift)
-        t_cut = end_of(best.t[i], to_frame, shift)
-        # What other cells have offered since may be in front of this one.
-        t0, t1, _, _, _, _, _, _ = meet_box(
-            record, int(cell), x, y, z, d[0], d[1], d[2]
-        )  # fmt: skip
-        if t1 < t_lo or t0 > t_cut:
-            continue
-        k = np.int64(table.cell_patch[cell])
-        um, vm = record[cell, MIDDLE_U], record[cell, MIDDLE_V]
-        hu, hv = record[cell, HALF], record[cell, HALF + 1]
-        u0, u1, v0, v1 = um - hu, um + hu, vm - hv, vm + hv
-        # All cells along a border that is a point are one search.
-        side = _side_of(table, k, u0, u1, v0, v1)
-        if side >= 0:
-            if side < 2:
-                v0, v1 = 0.0, 1.0
-            else:
-                u0, u1 = 0.0, 1.0
-            for other in range(row + 1, n_doubts):
-                if queue[other, 0] != i:
-                    break
+        for first in range(row, end):
+            if queue[first, 1] < 0 or (any_hit and best.object_id[i] >= 0):
+                continue
+            k = np.int64(table.cell_patch[queue[first, 1]])
+            patch, line = patch_of(table, k, scratch.basis), from_centre(table, k, ray)
+            n_cells, held = 0, (1.0, 0.0, 1.0, 0.0)
+            for other in range(first, end):
                 cell = np.int64(queue[other, 1])
                 if cell < 0 or table.cell_patch[cell] != k:
                     continue
-                um, vm = record[cell, MIDDLE_U], record[cell, MIDDLE_V]
-                hu, hv = record[cell, HALF], record[cell, HALF + 1]
-                if _side_of(table, k, um - hu, um + hu, vm - hv, vm + hv) == side:
+                u0, u1, v0, v1 = _place_of(record, cell)
+                held = (min(held[0], u0), max(held[1], u1), min(held[2], v0), max(held[3], v1))
+                n_cells += 1 if _side_of(table, k, u0, u1, v0, v1) < 0 else 0
+            # All together first, if there are many; then each that may hold a root.
+            for other in range(first - 1 if n_cells >= MANY else first, end):
+                t_cut = end_of(best.t[i], to_frame, shift)
+                u0, u1, v0, v1 = held
+                if other >= first:
+                    cell = np.int64(queue[other, 1])
+                    if cell < 0 or table.cell_patch[cell] != k:
+                        continue
                     queue[other, 1] = -1
-        ray = FrameRay(x, y, z, lx, ly, lz, d[0], d[1], d[2], shift, to_world)
-        slow_solve(
-            i, patch_of(table, k, scratch.basis), from_centre(table, k, ray), u0, u1, v0, v1,
-            t_lo, t_cut, band_of(table.around, k, ray), rays, best, scratch, counters,
-        )  # fmt: skip
+                    u0, u1, v0, v1 = _place_of(record, cell)
+                    du, dv = BESIDE * (u1 - u0), BESIDE * (v1 - v0)
+                    is_free = (
+                        min(u0, v0) > 0.0 and max(u1, v1) < 1.0
+                        and (u0 - du > held[1] or u1 + du < held[0] or v0 - dv > held[3] or v1 + dv < held[2])
+                    )  # fmt: skip
+                    # What other cells have offered since may be in front of this one.
+                    t0, t1, _, _, _, _, _, _ = meet_box(
+                        record, int(cell), x, y, z, d[0], d[1], d[2]
+                    )  # fmt: skip
+                    is_over = any_hit and best.object_id[i] >= 0
+                    if is_free or is_over or t1 < t_lo or t0 > t_cut:
+                        continue
+                    # All cells along a border that is a point are one search.
+                    side = _side_of(table, k, u0, u1, v0, v1)
+                    if side >= 0:
+                        if side < 2:
+                            v0, v1 = 0.0, 1.0
+                        else:
+                            u0, u1 = 0.0, 1.0
+                        for more in range(other + 1, end):
+                            cell = np.int64(queue[more, 1])
+                            if cell < 0 or table.cell_patch[cell] != k:
+                                continue
+                            a0, a1, b0, b1 = _place_of(record, cell)
+                            if _side_of(table, k, a0, a1, b0, b1) == side:
+                                queue[more, 1] = -1
+                around = slow_solve(
+                    i, patch, line, u0, u1, v0, v1, t_lo, t_cut, band_of(table.around, k, ray),
+                    is_moved, other >= first, rays, best, scratch, counters,
+                )  # fmt: skip
+                if other < first:
+                    held = around

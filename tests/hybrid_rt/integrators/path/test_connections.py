@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from marks import nightly_but
 
+from hybrid_rt.integrators import PathOptions
 from hybrid_rt.integrators.path import path_tracer
 from hybrid_rt.lights import RectangleLight, SphereLight
 from hybrid_rt.materials import Dielectric, Lambertian, Metal, Mirror, Mix
 from hybrid_rt.materials.rough_dielectric import RoughDielectric
-from hybrid_rt.primitives import Rectangle, Sphere
+from hybrid_rt.primitives import Box, Rectangle, Sphere
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
@@ -49,7 +50,7 @@ class TestConnections:
     PARTITION = Object(
         Rectangle((-0.4, 0, -1), (0, 0.7, 0), (0, 0, 1.4)), Lambertian((0.7, 0.6, 0.3)), "partition"
     )
-    # Without a mirror or glass there are no light paths.
+    # What mirrors throw is found beside what matt surfaces send on.
     SMALL_MIRROR = Object(Sphere((0.6, 0.6, -0.9), 0.1), Mirror(0.9), "mirror")
     # (objects in the room, settings of the render)
     ROOMS: ClassVar = {
@@ -106,3 +107,22 @@ class TestConnections:
         whole = (parts[0].mean(axis=(1, 2, 3)), parts[1].mean(axis=(1, 2, 3)))
         off = whole[0].mean() - whole[1].mean()
         assert abs(off) < 4 * np.sqrt(sum(w.var(ddof=1) / 12 for w in whole))
+
+    def test_a_pilot_lets_them_light_a_room_without_mirrors(self):
+        """A lamp in a tray below the ceiling lights a matt room: a twentieth of the squared error, the same mean."""
+        lamp = RectangleLight((0.9, 0.9, 2.3), (0.2, 0, 0), (0, 0.2, 0), 100.0)
+        tray = Object(
+            Rectangle((0.9, 0.9, 2.29), (0.2, 0, 0), (0, 0.2, 0)), Lambertian(0.0), "tray"
+        )
+        room = Object(Box((-2, -2, 0), (2, 2, 2.5)).flipped(), Lambertian(0.7), "room")
+        camera = Camera((0, -1.9, 1.2), (0, 1, 1), (0, 0, 1), 60, 64, 64)
+        scene = Scene(camera, [room, tray], [lamp])
+        ours, others = (
+            render(scene, passes=16, seed=2, threads=1, options=options)
+            for options in (None, PathOptions(light_paths=0))
+        )
+        assert "light paths" in ours.report.plan["light"]["used"]
+        assert "light paths" not in others.report.plan["light"]["used"]
+        error = np.hypot(ours.mean_half_interval, others.mean_half_interval)
+        assert abs(ours.mean - others.mean) < 1.5 * error
+        assert ours.error**2 < 0.05 * others.error**2
