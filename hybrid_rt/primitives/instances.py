@@ -118,11 +118,6 @@ class Instances(Surface):
         """Number of patches in each place."""
         return int(self._first[-1])
 
-    @property
-    def first_patch(self) -> IdArray:
-        """(surfaces + 1,) int64: the first patch of each surface in the first place, and their number."""
-        return self._first
-
     def split(self, patch_id: ArrayLike) -> tuple[IdArray, IdArray, IdArray]:
         """Return the place, the surface, and the ``patch_id`` on that surface, of patches of hits.
 

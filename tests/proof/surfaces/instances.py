@@ -61,7 +61,8 @@ class ExactInstances(ExactSurface, of=Instances):
     def crosser(self) -> Crosser:
         """Return a function that asks each surface about the ray as seen from each place."""
         crossers = [member.crosser() for member in self._members]
-        first, each = self.surface.first_patch.tolist(), self.surface.n_patches
+        first = np.cumsum([0, *map(len, self.surface.surfaces)]).tolist()
+        each = self.surface.n_patches
 
         def crossings(o: RationalVector, d: RationalVector) -> list[Crossing]:
             found = []
