@@ -22,6 +22,7 @@ _HOMES = {
     "HitRecord": "core.records",
     "ImageEnvironment": "lights",
     "ImageTexture": "textures",
+    "Instances": "primitives.instances",
     "Intersector": "intersection",
     "Lambertian": "materials",
     "Metal": "materials",
