@@ -23,6 +23,7 @@ _HOMES = {
     "HitRecord": "core.records",
     "ImageEnvironment": "lights",
     "ImageTexture": "textures",
+    "Instances": "primitives.instances",
     "Intersector": "intersection",
     "Lambertian": "materials",
     "Metal": "materials",

@@ -85,6 +85,8 @@ class HitRecord:
         pass by, and meet another place first.
     residual : (n,) float64
         ``|S(u, v) - (o + t d)|`` in scene units; nan on a miss.
+    instance_id : (n,) int32
+        Row of the place that was hit of `Instances`; -1 on a miss and on other surfaces.
     """
 
     t: FloatArray
@@ -99,6 +101,7 @@ class HitRecord:
     flags: NDArray[np.uint8]
     t_bound: FloatArray
     residual: FloatArray
+    instance_id: IntArray
 
     def __len__(self) -> int:
         """Return the number of rays."""
@@ -129,7 +132,7 @@ class HitRecord:
 
         Columns: t, object_id, patch_id, u, v, x, y, z (position), nx, ny, nz (normal), front_face,
         status (MISS, HIT, TANGENT), normal_degenerate, edge (the flags, as bools), t_bound,
-        residual. Lengths are in scene units; t and t_bound are in lengths of each ray's direction.
+        residual, instance_id. Lengths are in scene units; t and t_bound are in lengths of each ray's direction.
 
         Raises
         ------
@@ -176,6 +179,7 @@ class HitRecord:
             "edge": (self.flags & Flag.EDGE) != 0,
             "t_bound": self.t_bound,
             "residual": self.residual,
+            "instance_id": self.instance_id,
         }
 
 

@@ -119,6 +119,7 @@ class Intersector:
         self._direct, self._curved, self._kind_of, members, self.plan = make_kinds(
             self.surfaces, accuracy, self._pool
         )
+        self._instances: Any = next((k for k in self._direct if hasattr(k, "for_slice")), None)
         self._coarse: Coarse | None = None
         self.now: Callable[[], float] = time.perf_counter
         self.coarse_seconds = self.coarse_build_seconds = 0.0
@@ -254,9 +255,10 @@ class Intersector:
             is_limited = bool((batch.t_max[begin:end] < np.inf).any())
             limit = Limit(t_max, rays, self._farthest, is_limited)
             best, found = new_nearest(limit.searched), np.zeros(end - begin, np.bool_)
-            self._first_roots(rays, best, False, tally, found, watch)
+            direct = self._direct_kinds(end - begin)
+            self._first_roots(direct, rays, best, False, tally, found, watch)
             out = rows_of(slots, begin, end)
-            for number, kind in enumerate(self._finishing):
+            for number, kind in enumerate([*direct, *self._finishing[len(direct) :]]):
                 kind.finish(rays, best, self._kind_of, number, out)
             for number, kind in self._probing:
                 kind.settle(rays, best, self._kind_of, number, out, tally)
@@ -272,6 +274,8 @@ class Intersector:
             for name, number in zip(COUNTED, counted, strict=True):
                 self.counters[name] += number
         self.counters["misses"] = self.counters["rays"] - self.counters["hits"]
+        if self._instances is not None:
+            self._instances.name_instances(record)
         return record
 
     def occluded(
@@ -305,7 +309,8 @@ class Intersector:
             tally = np.zeros(len(COUNTER_NAMES))
             rays, highest, _ = batch.rows(begin, end)
             best = new_nearest(highest)
-            self._first_roots(rays, best, True, tally, np.zeros(end - begin, np.bool_), watch)
+            direct, found = self._direct_kinds(end - begin), np.zeros(end - begin, np.bool_)
+            self._first_roots(direct, rays, best, True, tally, found, watch)
             blocked[begin:end] = best.object_id >= 0
             tallies.append(tally)
 
@@ -349,8 +354,15 @@ class Intersector:
 
         return find_crossings(step, self._reach, origins, directions, t_min, t_max)
 
+    def _direct_kinds(self, n: int) -> list[Any]:
+        """Return the kinds without a coarse stage; that of instances as it traces one slice of n rays."""
+        if self._instances is None:
+            return self._direct
+        return [k.for_slice(n) if k is self._instances else k for k in self._direct]
+
     def _first_roots(
         self,
+        direct: Sequence[Any],
         rays: Rays,
         best: Nearest,
         any_hit: bool,
@@ -359,7 +371,7 @@ class Intersector:
         watch: Stopwatch,
     ) -> None:
         """Lower ``best`` for a slice of rays, by the stages of the accuracy."""
-        for kind in self._direct:
+        for kind in direct:
             kind.trace(rays, None, best, any_hit, tally)
         if self._coarse is None or (any_hit and self.accuracy == "certified"):
             for kind in self._curved:
@@ -379,7 +391,8 @@ class Intersector:
         )
         best, record = new_nearest(np.empty(0)), new_record(0)
         out = Finished(*(getattr(record, name) for name in Finished._fields))
-        for number, kind in enumerate(self._finishing):
+        direct = self._direct_kinds(0)
+        for number, kind in enumerate([*direct, *self._finishing[len(direct) :]]):
             kind.finish(rays, best, self._kind_of, number, out)
 
     def _number_kinds(self) -> None:

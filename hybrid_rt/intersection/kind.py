@@ -116,7 +116,8 @@ def widen_bounds(
     if not moved.any():
         return
     rows = np.flatnonzero(best.object_id >= 0)
-    rows = rows[(kind_of[best.object_id[rows]] == kind) & (moved[best.primitive[rows]] > 0.0)]
+    rows = rows[kind_of[best.object_id[rows]] == kind]
+    rows = rows[moved[best.primitive[rows]] > 0.0]
     slope = np.abs(np.einsum("ij,ij->i", out.normal[rows], rays.direction[rows]))
     with np.errstate(divide="ignore"):
         best.t_bound[rows] += moved[best.primitive[rows]] / slope
@@ -152,6 +153,7 @@ def new_record(n: int) -> HitRecord:
         flags=np.zeros(n, np.uint8),
         t_bound=np.empty(n),
         residual=np.empty(n),
+        instance_id=np.full(n, -1, np.int32),
     )
 
 

@@ -111,12 +111,12 @@ def in_order(
     bounds += 2.0 * moved[:, None, None] * np.array([-1.0, 1.0])[:, None]
     groups = in_frames(bounds)
     begins = n_plain + np.cumsum([0, *map(len, groups)])
-    trees = [_tree_over(bounds[rows], int(n)) for rows, n in zip(groups, begins, strict=False)]
+    trees = [tree_over(bounds[rows], int(n)) for rows, n in zip(groups, begins, strict=False)]
     order[n_plain:] = order[n_plain:][np.concatenate(groups)]
     return order, n_plain, trees
 
 
-def _tree_over(bounds: FloatArray, begin: int) -> Members:
+def tree_over(bounds: FloatArray, begin: int, leaf_size: int = LEAF_SIZE) -> Members:
     """Return a tree over boxes (n, 2, 3), which stand for the rows of a table from ``begin`` on."""
     from hybrid_rt.intersection.kernels.search.members import Members
     from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree
@@ -125,4 +125,4 @@ def _tree_over(bounds: FloatArray, begin: int) -> Members:
     middle = 0.5 * low + 0.5 * high
     to_frame = float(2.0 ** -np.ceil(np.log2(np.linalg.norm(0.5 * high - 0.5 * low))))
     lower, upper = (bounds[:, 0] - middle) * to_frame, (bounds[:, 1] - middle) * to_frame
-    return Members(Tree(*build_tree(lower, upper, LEAF_SIZE)), begin, middle, to_frame)
+    return Members(Tree(*build_tree(lower, upper, leaf_size)), begin, middle, to_frame)

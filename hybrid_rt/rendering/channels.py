@@ -100,6 +100,12 @@ def object_id(behind: Behind) -> FloatArray:
     return behind.hits.object_id.astype(np.float64)
 
 
+@geometric()
+def instance_id(behind: Behind) -> FloatArray:
+    """Return the row of the place that was hit of `Instances`; -1 elsewhere."""
+    return behind.hits.instance_id.astype(np.float64)
+
+
 @geometric("R", "G", "B")
 def albedo(behind: Behind) -> FloatArray:
     """Return the sum of the colours of all lobes; 0 on a miss."""
@@ -156,7 +162,7 @@ def compute_channels(
 ) -> dict[str, NDArray[np.float32]]:
     """Return the channels asked for by name, (height, width) or (height, width, parts), row 0 at the top.
 
-    On a miss depth is inf, object_id -1, albedo 0 and the rest nan. Errors are nan after a single pass.
+    On a miss depth is inf, object_id and instance_id -1, albedo 0 and the rest nan. Errors are nan after a single pass.
     """
     outputs = {name: OUTPUTS[name] for name in names}
     of_pixels = {name: o.of_pixels for name, o in outputs.items() if o.of_pixels is not None}

@@ -98,7 +98,7 @@ def render(scene: Scene, asked: Arguments) -> RenderResult:
     options : PathOptions, PPMOptions or PhotonMapOptions, optional
         Settings of the integrator.
     outputs : sequence of str
-        Additional ``channels`` of the result: "depth", "position", "normal", "uv", "object_id",
+        Additional ``channels`` of the result: "depth", "position", "normal", "uv", "object_id", "instance_id",
         "albedo" (all at pixel centres), "samples", "standard_error", "half_interval" (half the
         width of each pixel's 95 % interval of the noise alone: by ppm and photon_map it is about the
         blurred picture, and may miss the true one).

@@ -112,14 +112,12 @@ class CompiledScene:
         return colored
 
     @cached_property
-    def unwrapped(self) -> dict[int, TriangleMesh]:
-        """The meshes that textures are looked up on by texture coordinates, by index in ``surfaces``."""
+    def unwrapped(self) -> dict[int, Any]:
+        """The meshes, and instances of meshes, that textures are looked up on by texture coordinates, by index in ``surfaces``."""
         return {
             i: surface
             for i, surface in enumerate(self.surfaces)
-            if isinstance(surface, TriangleMesh)
-            and surface.texture_coordinates is not None
-            and self.colored_by_uv[i]
+            if getattr(surface, "texture_coordinates", None) is not None and self.colored_by_uv[i]
         }
 
     def lobes_with(self, traits: int) -> BoolArray:

@@ -14,6 +14,7 @@ import numpy as np
 
 from hybrid_rt.core.records import BoolArray, FloatArray
 from hybrid_rt.integrators.kernels.photon_emission import Targets
+from hybrid_rt.primitives.instances import Instances
 from hybrid_rt.scene.compiled import CompiledScene
 from meshing.surface import Surface
 
@@ -83,11 +84,14 @@ def covering(cells: FloatArray, most: int = MOST_BALLS) -> list[Ball]:
 
 
 def _cells(surface: Surface) -> FloatArray:
-    """Cut a surface into cells; return their corners (n, corners, 3)."""
+    """Cut a surface into cells, instances into their places; return their corners (n, corners, 3)."""
     if surface.is_triangular:
         corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
         u, v = np.tile(corners, (len(surface), 1)).T
         return surface.point(u, v, np.repeat(np.arange(len(surface)), 3)).reshape(-1, 3, 3)
+    if isinstance(surface, Instances):
+        ends = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+        return np.stack([surface.boxes[:, ends[:, axis], axis] for axis in range(3)], axis=-1)
     n_patches = len(surface)
     n = max(math.isqrt(CELLS // n_patches), 4)
     edge = np.linspace(0.0, 1.0, n + 1)

@@ -22,6 +22,7 @@ from hybrid_rt.intersection.trims import whole_of
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.primitives.box import TurnedBox
+from hybrid_rt.primitives.instances import Instances
 from hybrid_rt.primitives.torus import Torus
 from meshing import BezierPatches, SurfaceOfRevolution, TrimmedSurface
 from meshing.bezier import RationalPatches
@@ -294,6 +295,12 @@ def _triangles(members: Members, accuracy: str, _pool: Pool) -> Kind:
     return TriangleKind(members, search=accuracy == "certified")
 
 
+def _instances(members: Members, _accuracy: str, pool: Pool) -> Any:
+    from hybrid_rt.intersection.kinds.instances import InstanceKind
+
+    return InstanceKind(members, pool)
+
+
 ENTRIES = (
     Entry(Sphere, "spheres", _spheres),
     Entry(Rectangle, "rectangles", _rectangles),
@@ -317,6 +324,8 @@ ENTRIES = (
         _triangles,
         ("refined", "mesh"),
     ),
+    # In their places surfaces have certified hits, whatever the accuracy.
+    Entry(Instances, "instances", _instances),
 )
 
 

@@ -39,7 +39,7 @@ def test_no_rays_make_a_header(hits, tmp_path):
     text = (tmp_path / "none.csv").read_text()
     assert text == (
         "t,object_id,patch_id,u,v,x,y,z,nx,ny,nz,front_face,status,"
-        "normal_degenerate,edge,t_bound,residual\n"
+        "normal_degenerate,edge,t_bound,residual,instance_id\n"
     )
 
 

@@ -103,3 +103,13 @@ def test_a_large_or_far_thing_of_the_same_class_adds_few_nodes(name, size):
     np.testing.assert_array_equal(hits.t[same], alone.t[same])
     # Whatever differs is hidden by the other, or hides nothing.
     assert (hits.object_id[~same] == len(things)).all()
+
+
+def test_patches_that_rounding_has_moved_are_told_from_other_primitives():
+    net = np.stack([*np.meshgrid([0.0, 1.0], [0.0, 1.0], indexing="ij"), np.zeros((2, 2))], axis=-1)
+    moved = BezierPatches.of_pairs([(net, 0.0 * net)], moved=1e-12)
+    ball = TriangleMesh(trimesh.creation.icosphere(2, 0.4).apply_translation((0.5, 0.5, 1)))
+    o = np.array([(0.5, 0.5, 3.0), (0.05, 0.05, 3.0)])
+    hits = Intersector([moved, ball], coarse="none").intersect(o, (0, 0, -1))
+    np.testing.assert_array_equal(hits.object_id, [1, 0])
+    assert hits.t_bound[0] < 1e-12 < hits.t_bound[1] < 2e-12

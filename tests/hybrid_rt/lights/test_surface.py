@@ -174,6 +174,7 @@ def met(surface, points, rows):
         t=none, object_id=none.astype(np.int32), patch_id=patch.astype(np.int32), u=u, v=v,
         position=place, normal=points.normal[rows], front_face=np.ones(n, np.bool_),
         status=none.astype(np.uint8), flags=none.astype(np.uint8), t_bound=none, residual=none,
+        instance_id=none.astype(np.int32) - 1,
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ import trimesh
 from hybrid_rt import Asphere, Box, Intersector, Plane, Rectangle, Sphere, Torus, TriangleMesh, demo
 from hybrid_rt.intersection.kinds.registry import ENTRIES
 from hybrid_rt.primitives.box import TurnedBox
+from hybrid_rt.primitives.instances import Instances
 from meshing import (
     BezierPatches,
     Cone,
@@ -45,6 +46,9 @@ SURFACES = {
     BezierPatches: demo.teapot(),
     RationalPatches: octants(),
     SurfaceOfRevolution: demo.vase(0.0, 0.0, 5.0),
+    Instances: Instances(
+        [Torus((1, 2, 3), (1, -1, 2), 2, 0.5), demo.teapot()], [TURN, np.diag([-1.0, 1, 1, 1])]
+    ),
 }
 NAMES = [surface_type.__name__ for surface_type in SURFACES]
 each = pytest.mark.parametrize("surface", SURFACES.values(), ids=NAMES)

@@ -11,6 +11,7 @@ HITS = "intersection/test_certified.py::test_"
 LIGHT_FOUND = "integrators/test_light_found.py::test_"
 MATERIALS = "materials/test_materials.py::test_"
 NURBS = "../meshing/test_nurbs.py::test_"
+PLACES = "intersection/test_instances.py::test_"
 PPM = "integrators/photons/test_ppm.py::test_"
 REFUSALS = "primitives/test_refusals.py::test_"
 SEAMS = "intersection/test_trims_across_seams.py::test_"
@@ -126,6 +127,12 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
     )),
     ("E10", "killed while its sums are written", "the render in one go", (
         f"{STORE}killed_at_any_moment",
+    )),
+    ("C14", "surfaces in many places, mirrored, 1e6 from 0", "the given matrices, in fractions", (
+        f"{PLACES}rows_hold_for_the_exact_image",
+        f"{PLACES}hits_are_those_of_transformed_copies",
+        f"{PLACES}ties_go_to_the_lower_object_then_the_lower_place",
+        f"{PLACES}a_point_that_is_left_is_left_out_on_touching_places_too",
     )),
     ("E11", "a bit of a store flips", "the sums that were saved", (
         f"{STORE}every_bit_of_sums_counts",
