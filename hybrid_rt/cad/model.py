@@ -301,9 +301,9 @@ def _model_of(arrays: dict[str, Any]) -> CadModel:
     gaps, declared = edges_of.gaps_of_faces(shared, len(raw))
     built = _built(arrays, gaps)
     parts, box = _parts(head, built, shared.n_free, arrays["xyz"], uses["face"])
-    scale = np.ones(len(head["shapes"]))
-    for shape in {part.shape for part in parts}:
-        scale[shape] = max(part.scale for part in parts if part.shape == shape)
+    scale = np.zeros(len(head["shapes"]))
+    for part in parts:
+        scale[part.shape] = max(scale[part.shape], part.scale)
     scale = scale[raw["shape"]]
     faces = np.zeros(len(raw), FACE)
     for name in ("shape", "color"):

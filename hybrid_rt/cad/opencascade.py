@@ -59,7 +59,7 @@ SURFACES: dict[str, tuple[str, ...]] = {
     "Geom_Plane": ("plane", "", ""),
     "Geom_CylindricalSurface": ("cylinder", "Radius", ""),
     "Geom_ConicalSurface": ("cone", "RefRadius", "SemiAngle"),
-    "Geom_SphericalSurface": ("sphere", "Radius", ""),
+    "Geom_SphericalSurface": ("sphere", "", "Radius"),  # a torus about a point
     "Geom_ToroidalSurface": ("torus", "MajorRadius", "MinorRadius"),
     "Geom_SurfaceOfRevolution": ("revolution",),
     "Geom_SurfaceOfLinearExtrusion": ("extrusion",),
@@ -134,8 +134,8 @@ class Extraction:
         self.faces: list[tuple[Any, ...]] = []
         self.uses: list[tuple[Any, ...]] = []
         self.numbers: list[NDArray[np.float64]] = []
-        self.uv: list[list[tuple[float, float]]] = []
-        self.xyz: list[list[tuple[float, float, float]]] = []
+        self.uv: list[Any] = []
+        self.xyz: list[Any] = []
         self.wires = self.points = self.n_numbers = self.n_edges = 0
         self._shape_of: dict[str, int] = {}
 
@@ -269,7 +269,7 @@ class Extraction:
         u, v = _range(face, "U"), _range(face, "V")
         if kind == "revolution":
             axis, along = surface.Axis(), v
-            head = [_coordinates(axis.Location()), _coordinates(axis.Direction())]
+            head: list[Any] = [_coordinates(axis.Location()), _coordinates(axis.Direction())]
         else:
             along, head = u, [_coordinates(surface.Direction()), v]
         size, numbers = _profile(surface.BasisCurve(), *along)
@@ -399,7 +399,7 @@ def _name_of(label: Any) -> str:
     return "" if text.upper() in records.INVENTED or text.startswith("=>[") else text
 
 
-def _coordinates(point: Any) -> tuple[float, ...]:
+def _coordinates(point: Any) -> Any:
     """Return the two or three coordinates of a point or direction."""
     return point.Coord()
 
