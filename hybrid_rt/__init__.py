@@ -12,6 +12,7 @@ from hybrid_rt._version import __version__
 _HOMES = {
     "Asphere": "primitives.asphere",
     "Box": "primitives",
+    "CadModel": "cad.model",
     "Camera": "sensor.camera",
     "CheckerTexture": "textures",
     "Crossings": "intersection.crossings",
@@ -52,6 +53,7 @@ _HOMES = {
     "Torus": "primitives.torus",
     "TriangleMesh": "primitives",
     "progress_bar": "rendering.progress_bar",
+    "read_cad": "cad.model",
     "reflect": "shading.snell",
     "reflectance": "shading.snell",
     "refract": "shading.snell",

@@ -128,15 +128,19 @@ class TrimmedSurface(Surface):
         # A face of a part may reach some gaps beyond its border.
         beyond = max(BEYOND, GAPS * self.gap / size)
         for axis in np.flatnonzero(np.logical_not(self.closes)).tolist():
-            apart = self._borders_apart(axis)
-            if apart > MEANT_TO_MEET * size:
-                continue
+            apart: float | None = None
             for k, loop in enumerate(self.loops):
+                x = np.concatenate([c.control[:, axis] for c in loop])
+                if x.min() >= -beyond and x.max() <= 1.0 + beyond:
+                    continue
                 at = np.concatenate([c.point([0.0, *c.cuts(), 1.0])[:, axis] for c in loop])
                 low, high = float(at.min()), float(at.max())
                 # One that leaves by both sides goes all around.
                 if (low < -beyond) == (high > 1.0 + beyond):
                     continue
+                apart = self._borders_apart(axis) if apart is None else apart
+                if apart > MEANT_TO_MEET * size:
+                    break
                 name, value = "uv"[axis], low if low < 0.0 else high
                 raise ValueError(
                     f"TrimmedSurface loops[{k}] goes on to {name} = {value:.6g}, but the surface closes along "
@@ -286,6 +290,9 @@ class TrimmedSurface(Surface):
 
 def _refuse_overlap(loop: Sequence[Curve2], closes: tuple[bool, bool], number: int) -> None:
     """Refuse a loop that covers a part twice when it is wrapped around: that would count as outside."""
+    hull = np.ptp(np.concatenate([c.control for c in loop]), axis=0)
+    if (hull <= np.where(closes, 1.0 + JOINED, np.inf)).all():
+        return  # copies a turn away do not reach it
     along = np.linspace(0.0, 1.0, 2 * SAMPLES, endpoint=False)
     samples = np.concatenate([c.point(along) for c in loop])
     corners = samples[::2]

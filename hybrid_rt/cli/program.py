@@ -38,6 +38,9 @@ examples:
   hybrid-rt compare a.npz b.npz --reference c.npz  errors of both, and a map of them
   hybrid-rt study scenes/vase.py --out study       error against time of every method
   hybrid-rt accuracy scenes/vase.py --out mesh     how fine a mesh must be to find the same hits
+  hybrid-rt cad part.step                          what a CAD file holds, and what of it is exact
+  hybrid-rt render part.step                       a picture of it
+  hybrid-rt rays part.step rays.npy --out hits.npz    first hits of the rays of a file
 
 Scene scripts are Python programs and are executed: run only those that you trust.
 
@@ -164,9 +167,9 @@ def _parser(complete: bool = False) -> argparse.ArgumentParser:
     demo.set_defaults(run=_run_demo, guard=_guarded)
 
     render = commands.add_parser(
-        "render", help="make a picture of a scene script (which is executed)"
+        "render", help="make a picture of a scene script (which is executed), or of a CAD file"
     )
-    render.add_argument("scene", metavar="SCENE.py")
+    render.add_argument("scene", metavar="SCENE.py", help="or part.step, .iges, .brep")
     render.add_options = add_render_options
     render.set_defaults(run=_run_render, guard=_guarded)
 
@@ -188,6 +191,8 @@ def _parser(complete: bool = False) -> argparse.ArgumentParser:
 
     _add_tool(commands, "study", "draw error against run time, of all methods")
     _add_tool(commands, "accuracy", "tell how fine a mesh must be")
+    _add_tool(commands, "cad", "tell what a CAD file holds, and what of it is exact")
+    _add_tool(commands, "rays", "trace the rays of a file, and write their hits")
     parser.commands = commands.choices
     for command in commands.choices.values() if complete else ():
         command.complete()
@@ -224,10 +229,24 @@ def _add_tool(commands: Any, name: str, words: str) -> None:
 
 
 def _run_render(options: argparse.Namespace) -> int:
+    from hybrid_rt.cad.process import SUFFIXES, check_file
     from hybrid_rt.cli.scene_file import check_script, load_script
 
+    file = Path(options.scene)
+    if file.suffix.lower() in SUFFIXES:
+        check_file(file)
+        return render_scene(lambda: _scene_of_part(file), file.stem, options)
     script = check_script(options.scene)
     return render_scene(lambda: load_script(script), script.stem, options)
+
+
+def _scene_of_part(file: Path) -> tuple[Scene, str]:
+    """Return a scene of a CAD file, and its integrator."""
+    from hybrid_rt.cli import cad
+    from hybrid_rt.integrators import DEFAULT
+
+    reading = argparse.Namespace(unit="file", sew=None, approximate=None)
+    return cad.read(reading, file).scene(), DEFAULT
 
 
 def _run_compare(options: argparse.Namespace) -> None:

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 # What faces, lines and points count: positions, texture coordinates, normals, in the order of "1/2/3".
 COUNTED = (b"v", b"vt", b"vn")
+_FREE_FORM = re.compile(rb"^[ \t]*(cstype|surf|curv)\b", re.MULTILINE)
+# Bytes of a binary STL file: header with the number of triangles, and each of these.
+STL_HEADER, STL_TRIANGLE = 84, 50
+CAD_FILES = (".step", ".stp", ".iges", ".igs", ".brep")
 _COUNTING = re.compile(rb"^[ \t]*[flp][ \t][^\n]*-", re.MULTILINE)
 
 
@@ -26,6 +30,8 @@ def read_mesh(file: Path) -> trimesh.Trimesh:
     what = f"TriangleMesh file {str(file)!r}"
     if not file.is_file():
         raise FileNotFoundError(f"{what}: there is no such file")
+    if file.suffix.lower() in CAD_FILES:
+        raise ValueError(f"{what} is a CAD file, without triangles: hybrid_rt.read_cad reads it")
     import trimesh
 
     try:
@@ -44,8 +50,26 @@ def read_mesh(file: Path) -> trimesh.Trimesh:
             f"{what} cannot be read ({reason[:100]}): pass a complete {file.suffix} file"
         ) from error
     if not len(getattr(mesh, "faces", ())):
-        raise ValueError(f"{what} holds no triangles: pass a mesh")
+        raise ValueError(f"{what} holds no triangles{_why_empty(file)}: pass a mesh")
     return mesh
+
+
+def _why_empty(file: Path) -> str:
+    """Return why a file holds no triangles, as far as that is known."""
+    content = file.read_bytes()
+    if file.suffix.lower() == ".obj" and _FREE_FORM.search(content):
+        return ", but free-form curves or surfaces"
+    if file.suffix.lower() == ".stl" and len(content) >= STL_HEADER:
+        n = int.from_bytes(content[STL_HEADER - 4 : STL_HEADER], "little")
+        if n and len(content) != STL_HEADER + n * STL_TRIANGLE:
+            return (
+                f" that can be told: its header announces {n}, which take {STL_HEADER + n * STL_TRIANGLE} bytes, "
+                f"and it has {len(content)}"
+            )
+    header, _, _ = content.partition(b"end_header")
+    if file.suffix.lower() == ".ply" and b"element face" not in header:
+        return ", but a cloud of points"
+    return ""
 
 
 def _read_obj(file: Path) -> trimesh.Trimesh:

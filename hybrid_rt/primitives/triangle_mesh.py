@@ -82,6 +82,11 @@ class TriangleMesh(Surface):
         if faces.dtype.kind not in "iu":
             raise TypeError(f"TriangleMesh faces have type {faces.dtype}: pass whole numbers")
         vertices = as_floats(mesh.vertices, "TriangleMesh vertices").copy()
+        if not len(faces):
+            raise ValueError(
+                f"TriangleMesh mesh has {len(vertices)} vertices and no faces: pass a mesh of triangles; of a "
+                "file, TriangleMesh.read says what it holds"
+            )
         self._set(vertices, faces.astype(np.int64))
         if texture_coordinates is not None:
             self._set_coordinates(texture_coordinates, "TriangleMesh texture_coordinates", "")

@@ -34,7 +34,13 @@ from hybrid_rt.intersection.kernels.search.tolerances import (
     TANGENT_BAND,
     UNIT_ROUNDOFF,
 )
-from hybrid_rt.intersection.kernels.search.trims import NEARBY, decide, has_gap, side_of_tile
+from hybrid_rt.intersection.kernels.search.trims import (
+    NEARBY,
+    decide,
+    has_gap,
+    quick_side,
+    side_of_tile,
+)
 from meshing.kernels.jit import inlined, inner, kernel
 from meshing.kernels.trims import CROSSED, INSIDE, OUTSIDE
 
@@ -403,7 +409,7 @@ def finish_rectangle(table, k, rays, best, i, out):
 @inner
 def is_edge(k, u, v, d, trim, table):
     """Tell whether a hit on parallelogram k is within the gap of an edge."""
-    if trim is None:
+    if trim is None or quick_side(trim, k, u, v) != CROSSED:
         return False
     p, q = table.edge_u[k], table.edge_v[k]
     edge = decide(trim, k, u, v, p[0], p[1], p[2], q[0], q[1], q[2], d[0], d[1], d[2], 0.0)[2]

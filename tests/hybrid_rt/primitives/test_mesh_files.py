@@ -7,6 +7,15 @@ import trimesh
 from hybrid_rt import Intersector, TriangleMesh
 from hybrid_rt.primitives.mesh_files import with_absolute_indices
 
+CLOUD = """ply
+format ascii 1.0
+element vertex 1
+property float x
+property float y
+property float z
+end_header
+0 0 0
+"""
 SQUARE = "v 0 0 {0}\nv 1 0 {0}\nv 1 1 {0}\nv 0 1 {0}\nf -4 -3 -2 -1\n"
 
 
@@ -85,6 +94,20 @@ def test_a_file_without_relative_indices_stays_as_it_is():
             r"a\.obj' cannot be read \(line 2 counts back 2 of 1 v\): pass a complete \.obj file",
         ),
         ("b.stl", "solid", ValueError, r"b\.stl' holds no triangles: pass a mesh"),
+        (
+            "long.stl", "\0" * 80 + "\1\0\0\0" + "\0" * 54, ValueError,
+            r"long\.stl' holds no triangles .*announces 1, which take 134 bytes, and it has 138",
+        ),
+        (
+            "cloud.ply",
+            CLOUD,
+            ValueError, r"cloud\.ply' holds no triangles, but a cloud of points",
+        ),
+        (
+            "free.obj", "v 0 0 0\nv 1 0 0\ncstype bezier\ndeg 1 1\nsurf 0 1 0 1 1 2 1 2\nend\n", ValueError,
+            r"free\.obj' holds no triangles, but free-form curves or surfaces",
+        ),
+        ("part.STEP", "x", ValueError, r"is a CAD file.*read_cad"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_read_is_named(tmp_path, name, content, error, words):

@@ -27,6 +27,7 @@ class Trim(NamedTuple):
     member: Any  # (k,) int64: row of its loops
     span: Any  # (k, 4) float64: u0, width in u, v0, width in v on the sheet
     gap: Any  # (k,) float64, lengths of the frame
+    is_wide: Any  # (k,) bool: hits within the gap of an edge may be outside the tiles that a curve comes near
     # (k, 4) float64. Of patches: middle of the object from where rays are counted, and its diameter.
     # Of turned surfaces: where u begins and the share of a turn. Of others: zeros, not read.
     scale: Any
@@ -34,8 +35,8 @@ class Trim(NamedTuple):
 
 @inlined
 def quick_side(trim, k, u, v):
-    """Return OUTSIDE or INSIDE for points far from every curve, else CROSSED."""
-    if trim.gap[k] > 0.0:
+    """Return OUTSIDE or INSIDE for points far from every curve, and every gap, else CROSSED."""
+    if trim.is_wide[k]:
         return CROSSED
     span, m = trim.span, trim.member[k]
     at_u, at_v = span[k, 0] + u * span[k, 1], span[k, 2] + v * span[k, 3]
@@ -45,7 +46,7 @@ def quick_side(trim, k, u, v):
 @inlined
 def side_of_tile(trim, k, u, v):
     """Do as `quick_side` for surfaces of one piece, and u and v known to half a tile."""
-    if trim.gap[k] > 0.0:
+    if trim.is_wide[k]:
         return CROSSED
     return state_of_tile(trim.loops, trim.member[k], u, v)
 
