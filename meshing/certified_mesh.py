@@ -32,7 +32,10 @@ class CertifiedMesh:
     deviation_bound : float
         Proven bound, in scene units, on the distance between a point of a face and the surface
         point at the (u, v) that the same barycentric weights interpolate. It includes the rounding
-        of the vertices.
+        of the vertices. Of trimmed surfaces, no point of the mesh is farther from the part inside the
+        loops, and no point of that, borders included, is farther from the mesh.
+    surface_id : (f,) int32, or None
+        Surface of each face, where `tessellate` was given a list.
     """
 
     vertices: FloatArray
@@ -40,6 +43,7 @@ class CertifiedMesh:
     uv: FloatArray
     patch_id: NDArray[np.int32]
     deviation_bound: float
+    surface_id: NDArray[np.int32] | None = None
 
     def __len__(self) -> int:
         """Return the number of triangles."""

@@ -16,6 +16,7 @@ from meshing.checks import FloatArray
 from meshing.kernels import joining
 from meshing.profiles import radius_rounding
 from meshing.revolution import SurfaceOfRevolution
+from meshing.surface import Surface
 
 # Control points that went through a rotation or a unit conversion agree to a few roundings.
 JOIN_TOLERANCE = 64.0 * 2.0**-52
@@ -51,7 +52,7 @@ def seams_of_patches(surface: BezierPatches) -> Seams:
     first = starts[:-1]
     last_row = first + m * (n + 1)
     rows = np.stack((first, first + n, last_row, last_row + n), axis=1).reshape(-1)
-    corner, gap = _label_points(control[rows], tolerance)
+    corner, gap = label_points(control[rows], tolerance)
 
     edge_first = np.stack((first, last_row, first, first + n), axis=1).reshape(-1)
     edge_step = np.stack((np.ones_like(n), np.ones_like(n), n + 1, n + 1), axis=1).reshape(-1)
@@ -141,7 +142,20 @@ def seams_of_revolution(surface: SurfaceOfRevolution) -> Seams:
     )
 
 
-def _label_points(points: FloatArray, tolerance: float) -> tuple[NDArray[np.int64], float]:
+def seams_of_square(surface: Surface) -> Seams:
+    """Return the seams of a surface of one piece: where it closes, and its poles."""
+    corner, group = np.arange(4).reshape(2, 2), np.arange(4)
+    closes_u, closes_v = surface.closes
+    if closes_u:
+        corner[1], group[1] = corner[0], group[0]
+    if closes_v:
+        corner[:, 1], group[3] = corner[:, 0], group[2]
+    is_collapsed = np.array([False, False, *surface.poles])
+    return Seams(corner.reshape(-1), group, np.zeros(4, np.bool_), is_collapsed, 0.0)
+
+
+def label_points(points: FloatArray, tolerance: float) -> tuple[NDArray[np.int64], float]:
+    """Return labels, equal where points are within a tolerance, and how far these are apart."""
     # Equal points first: thousands of patches may meet in one point.
     distinct, inverse = np.unique(points, axis=0, return_inverse=True)
     along = distinct @ _SWEEP

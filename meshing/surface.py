@@ -160,6 +160,11 @@ class Surface(ABC):
         return False, False
 
     @property
+    def bend(self) -> tuple[float, float, float] | None:
+        """Bounds on |S_uu|, |S_uv| and |S_vv| of a surface of one piece; None: none is known."""
+        return None
+
+    @property
     def v_breaks(self) -> FloatArray | None:
         """(k + 1,) float64, where pieces that follow each other along v begin and end; else None.
 

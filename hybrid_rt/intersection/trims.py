@@ -16,6 +16,7 @@ from meshing import SurfaceOfRevolution, TrimmedSurface, tessellate
 from meshing.certified_mesh import CertifiedMesh
 from meshing.spans import within_patch
 from meshing.surface import Surface
+from meshing.tessellation import whole_triangles
 from meshing.trims import MOST_TILES, boxes_outside, make_table
 
 # Tiles know what is within half of them: of the smallest, half is left to the gap. A ray that is as flat as
@@ -134,7 +135,7 @@ def coarse_triangles(surface: TrimmedSurface, tolerance: float) -> CertifiedMesh
 
     ``uv`` is that of the patches, as kinds take it.
     """
-    mesh, spans = tessellate(surface, tolerance), surface.spans
+    mesh, spans = whole_triangles(surface, tolerance), surface.spans
     if not len(mesh):
         mesh, spans = tessellate(surface.surface, tolerance), surface.surface.spans
         mesh = replace(mesh, faces=mesh.faces[:1], uv=mesh.uv[:1], patch_id=mesh.patch_id[:1])

@@ -34,6 +34,7 @@ class Rectangle(Surface):
     is_flat = True
     rounding_reach = 0.0
     flip_of_uv = "swapped"
+    bend = (0.0, 0.0, 0.0)
 
     def __init__(self, corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike) -> None:
         self.corner = as_vector(corner, "Rectangle corner")

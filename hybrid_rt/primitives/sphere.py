@@ -129,6 +129,12 @@ class Sphere(Surface):
         """Return the area sampler."""
         return _Bands(np.array([4.0 * np.pi * self.radius**2]))
 
+    @property
+    def bend(self) -> tuple[float, float, float]:
+        """Bounds on |S_uu|, |S_uv| and |S_vv|."""
+        square = np.pi**2 * self.radius
+        return 4.0 * square, 2.0 * square, square
+
     def _outward(self, u: FloatArray, v: FloatArray) -> FloatArray:
         azimuth, polar = 2.0 * np.pi * u, np.pi * v
         ring = np.sin(polar)

@@ -114,6 +114,12 @@ class Torus(AxialSurface):
         cos_u, sin_u, cos_v, sin_v = self._turns(u, v)
         return self.orientation * self._world(cos_v * cos_u, cos_v * sin_u, sin_v)
 
+    @property
+    def bend(self) -> tuple[float, float, float]:
+        """Bounds on |S_uu|, |S_uv| and |S_vv|."""
+        tube = 4.0 * np.pi**2 * self.minor_radius
+        return tube + 4.0 * np.pi**2 * self.major_radius, tube, tube
+
     def _turns(self, u: FloatArray, v: FloatArray) -> tuple[FloatArray, ...]:
         """Return cosine and sine of both angles; that about the tube counts toward the axis."""
         a, b = 2.0 * np.pi * u, 2.0 * np.pi * self.orientation * v

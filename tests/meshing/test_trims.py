@@ -35,6 +35,7 @@ from meshing import (
     tessellate,
 )
 from meshing.curve2 import _slopes, _turns
+from meshing.tessellation import whole_triangles
 from proof.exact.loops import ExactLoops
 
 EPS = 2.0**-52
@@ -233,11 +234,11 @@ def test_gap_grows_with_the_surface():
     assert moved.gap == 2e-3
 
 
-def test_tessellation_keeps_the_triangles_that_reach_inside():
+def test_whole_triangles_are_those_that_reach_inside():
     surface = TrimmedSurface(
         Cylinder((0, 0, 0), (0, 0, 1), 1, 2), [polygon([(0, 0), (0.4, 0), (0.4, 1), (0, 1)])]
     )
-    mesh, whole = tessellate(surface, 1e-4), tessellate(surface.surface, 1e-4)
+    mesh, whole = whole_triangles(surface, 1e-4), tessellate(surface.surface, 1e-4)
     assert len(mesh) < 0.5 * len(whole)
     assert mesh.deviation_bound == whole.deviation_bound
     u = mesh.uv[..., 0]

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray
-from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kernels import instances as kernels
 from hybrid_rt.intersection.kernels.instances import Pairs, Places, Walks
 from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.members import Members
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kind import Finished, new_nearest, new_record, rows_of
-from hybrid_rt.intersection.kinds.registry import check_surfaces, make_kinds
 from hybrid_rt.intersection.margins import Probing
 from hybrid_rt.intersection.members import in_frames, tree_over
 from hybrid_rt.intersection.ray_batch import locked
@@ -24,6 +22,8 @@ from hybrid_rt.primitives.instances import Instances
 from meshing.sheet import PatchSheet
 from meshing.surface import Surface
 from meshing.trimmed import TrimmedSurface
+
+Make: TypeAlias = Callable[[list[Surface]], Any]
 
 # A round costs as much as tracing some hundred rays: few rays come to several places in one, up to MOST.
 FEW, MOST = 512, 8
@@ -41,14 +41,13 @@ class _Model:
     """
 
     def __init__(
-        self, surfaces: Sequence[Surface], origin: FloatArray, moved: float, pool: Pool
+        self, surfaces: Sequence[Surface], origin: FloatArray, moved: float, make: Make
     ) -> None:
         if origin.any():
             shift = np.eye(4)
             shift[:3, 3] = -origin
             surfaces = [surface.transformed(shift) for surface in surfaces]
-        checked = check_surfaces([_moved_by(surface, moved) for surface in surfaces])
-        made = make_kinds(checked, "certified", pool)
+        made = make([_moved_by(surface, moved) for surface in surfaces])
         self.kinds: list[Any] = [*made.direct, *made.curved]
         self._kind_of = made.kind_of
         self.first_patch = np.cumsum([0, *map(len, surfaces)])[:-1].astype(np.int64)
@@ -71,11 +70,11 @@ class InstanceKind:
     Parameters
     ----------
     members : sequence of (object id, Instances)
-    pool : Pool
-        Shares the work of building.
+    make : callable
+        Checks surfaces, and returns their `hybrid_rt.intersection.kinds.registry.Kinds`.
     """
 
-    def __init__(self, members: Sequence[tuple[int, Instances]], pool: Pool) -> None:
+    def __init__(self, members: Sequence[tuple[int, Instances]], make: Make) -> None:
         numbers: dict[tuple[object, ...], int] = {}
         self.models: list[_Model] = []
         model: list[int] = []
@@ -87,7 +86,7 @@ class InstanceKind:
             key = (moved, *map(id, item.surfaces))
             if key not in numbers:
                 numbers[key] = len(self.models)
-                self.models.append(_Model(item.surfaces, origin[-1], moved, pool))
+                self.models.append(_Model(item.surfaces, origin[-1], moved, make))
             model.append(numbers[key])
         counts = [len(item.matrices) for _, item in members]
         matrices = [item.matrices for _, item in members]

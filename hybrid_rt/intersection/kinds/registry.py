@@ -298,7 +298,10 @@ def _triangles(members: Members, accuracy: str, _pool: Pool) -> Kind:
 def _instances(members: Members, _accuracy: str, pool: Pool) -> Any:
     from hybrid_rt.intersection.kinds.instances import InstanceKind
 
-    return InstanceKind(members, pool)
+    def make(surfaces: list[Surface]) -> Kinds:
+        return make_kinds(check_surfaces(surfaces), "certified", pool)
+
+    return InstanceKind(members, make)
 
 
 ENTRIES = (

@@ -80,7 +80,10 @@ def mesh(vertices, faces):
         (lambda: save_image(5, np.zeros((1, 1, 3)), {}), "output is 5: pass a path"),
         (lambda: BALL.point(None, 0.5), "u is None: pass real numbers"),
         (lambda: Box((0, 0, 0), (1, 1, 1)).point(0, 0, 0.5), "patch_id has type float64: pass"),
-        (lambda: tessellate(BALL, 0.1), "tessellate surface is Sphere.*: pass BezierPatches"),
+        (
+            lambda: tessellate(Box((0, 0, 0), (1, 1, 1)), 0.1),
+            "tessellate surface is Box.*: pass Bez",
+        ),
         (lambda: Intersector(Sphere), "surfaces is <class .*Sphere'>: pass a list"),
         (lambda: Intersector([BALL], threads=1.5), "threads is 1.5: pass an integer"),
         (lambda: Intersector([BALL], threads="2"), "threads is '2': pass an integer"),

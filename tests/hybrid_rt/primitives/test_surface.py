@@ -175,7 +175,7 @@ def test_areas():
 
 
 @each
-def test_only_free_forms_and_meshes_become_triangles(surface):
+def test_free_forms_meshes_and_those_of_known_bend_become_triangles(surface):
     if surface.is_triangular:
         mesh = surface.triangles()
         assert mesh.faces.max() < len(mesh.vertices)
@@ -183,7 +183,7 @@ def test_only_free_forms_and_meshes_become_triangles(surface):
     else:
         with pytest.raises(TypeError, match=f"{type(surface).__name__} is not made of triangles"):
             surface.triangles()
-    if surface.is_freeform:
+    if surface.is_freeform or surface.bend is not None:
         mesh = tessellate(surface, 0.01 * surface.size)
         assert mesh.faces.max() < len(mesh.vertices)
         assert mesh.deviation_bound <= 0.01 * surface.size

@@ -161,9 +161,9 @@ def _from_origin(control, k, ox, oy, oz, rational):
 
 @inlined
 def slow_solve(
-    i, patch, ray, u0, u1, v0, v1, t_lo, t_cut, band, is_moved, offers, rays, best, scratch, counters
+    i, patch, ray, rectangle, t_lo, t_cut, band, is_moved, offers, rays, best, scratch, counters
 ):  # fmt: skip
-    """Find the first root of ray i in the rectangle [u0, u1] x [v0, v1] of a patch and offer it.
+    """Find the first root of ray i in a rectangle (u0, u1, v0, v1) of a patch and offer it.
 
     t in [t_lo, t_cut] counts lengths of d from o. Pieces without a root, but within ``band`` of the
     ray, are noted as doubts; of rays that are moved nobody asks for these. What is offered depends on
@@ -172,6 +172,7 @@ def slow_solve(
     """
     control, start, degree_u, degree_v, basis, rational, size, object_id, row, _ = patch
     ox, oy, oz, dx, dy, dz, shift, to_world = ray
+    u0, u1, v0, v1 = rectangle
     t_min, known = rays.t_min, rays.known
     nets, boxes, room = scratch.nets, scratch.boxes, scratch.room
     counters[SLOW] += 1

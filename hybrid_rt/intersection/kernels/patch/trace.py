@@ -358,7 +358,7 @@ def settle_doubts(table, rays, aside, best, any_hit, scratch, n_doubts, counters
                             if _side_of(table, k, a0, a1, b0, b1) == side:
                                 queue[more, 1] = -1
                 around = slow_solve(
-                    i, patch, line, u0, u1, v0, v1, t_lo, t_cut, band_of(table.around, k, ray),
+                    i, patch, line, (u0, u1, v0, v1), t_lo, t_cut, band_of(table.around, k, ray),
                     is_moved, other >= first, rays, best, scratch, counters,
                 )  # fmt: skip
                 if other < first:
