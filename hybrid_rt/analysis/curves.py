@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+
+from hybrid_rt.core.records import FloatArray
 
 
 @dataclass(frozen=True)
@@ -55,3 +58,44 @@ class Curve:
 def renamed(curves: Sequence[Curve], prefix: str) -> list[Curve]:
     """Return curves with longer names, to be drawn with others."""
     return [replace(curve, name=f"{prefix}: {curve.name}") for curve in curves]
+
+
+@dataclass(frozen=True)
+class Slope:
+    """The exponents b of error ~ passes ** b and ~ seconds ** b, each with its standard error; nan: unknown."""
+
+    method: str
+    by_passes: tuple[float, float]
+    by_seconds: tuple[float, float]
+    of_noise: float  # the exponent of noise alone
+
+
+def fitted_slope(curve: Curve, reference_error: float = 0.0) -> Slope:
+    """Fit power laws to all runs of a picture curve, without the reference's own error (nan: not known).
+
+    Runs of which it is more than half of the square are left out. With less than three numbers of passes nothing is
+    known.
+    """
+    own = 0.0 if math.isnan(reference_error) else reference_error * reference_error
+    rows = []
+    for p in curve.points:
+        runs = zip(p.seconds.runs, p.error.runs, strict=True)
+        for seconds, error in list(runs) or [(p.seconds.median, p.error.median)]:
+            square = error * error - own
+            if square > own:
+                rows.append((p.setting, seconds, math.sqrt(square)))
+    passes, times, errors = np.array(rows).reshape(-1, 3).T
+    known = np.unique(passes).size >= 3
+    fits = [power_law(x, errors) if known else (math.nan, math.nan) for x in (passes, times)]
+    return Slope(curve.name, fits[0], fits[1], -0.5 * curve.power)
+
+
+def power_law(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    """Return b of y ~ x ** b by least squares of the logarithms, and its standard error.
+
+    It is that of n - 2 degrees of freedom, n >= 3.
+    """
+    log_x, log_y = np.log(x) - np.log(x).mean(), np.log(y) - np.log(y).mean()
+    b = float(log_x @ log_y / (log_x @ log_x))
+    rest = log_y - b * log_x
+    return b, math.sqrt(float(rest @ rest / (log_x @ log_x)) / (x.size - 2))

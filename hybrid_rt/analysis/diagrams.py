@@ -1,6 +1,6 @@
 """Diagrams by matplotlib: curves with error bars, reference slopes, a noise floor.
 
-A diagram is written as SVG for a page, wide or narrow, or as a panel of an image file.
+A diagram is written as SVG for a page, wide or narrow, as a page of a PDF file, or as a panel of an image file.
 """
 
 from __future__ import annotations
@@ -83,6 +83,17 @@ def save(diagrams: Sequence[Diagram], file: Path) -> None:
     """Write diagrams as one image, one below the other."""
     with _figure(diagrams, {}, WIDE, is_alone=True) as figure, replacing(file) as opened:
         figure.savefig(opened, dpi=110, format=file.suffix[1:])
+
+
+def save_pdf(diagrams: Sequence[Diagram], file: Path) -> None:
+    """Write each diagram, without its title and note, as a page of vectors; equal diagrams give equal bytes."""
+    from matplotlib.backends.backend_pdf import PdfPages
+
+    settings = {"pdf.fonttype": 42}  # publishers refuse fonts of type 3
+    with replacing(file) as opened, PdfPages(opened, metadata={"CreationDate": None}) as pages:
+        for diagram in diagrams:
+            with _figure([diagram], settings, WIDE, is_alone=False) as figure:
+                pages.savefig(figure)
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hybrid_rt.analysis.curves import Curve, Point, Spread
+from hybrid_rt.analysis.curves import Curve, Point, Slope, Spread
 from hybrid_rt.analysis.hit_study import HitStudy
 from hybrid_rt.analysis.method_forecast import MethodForecast, at_equal_time
 from hybrid_rt.analysis.units import asked, number, of_pixels, percent, signed_percent
@@ -58,6 +58,17 @@ def in_text(table: Table) -> str:
     for words in table.words:
         lines += textwrap.wrap(words, WIDTH, initial_indent="  ", subsequent_indent="    ")
     return "\n".join(lines)
+
+
+def in_latex(table: Table) -> str:
+    """Return a table as a ``tabular`` that needs no package; title and words are comments."""
+    lines = [f"% {text}" for text in (table.title, *table.words)]
+    lines += [f"\\begin{{tabular}}{{l{'r' * (len(table.head) - 1)}}}", "\\hline"]
+    for k, row in enumerate((table.head, *table.rows)):
+        cells = (re.sub(r"[%&_#$]", r"\\\g<0>", cell).replace("+-", r"$\pm$") for cell in row)
+        cells = (re.sub(r"(?<![\w.])-(?=\d)", "$-$", cell) for cell in cells)
+        lines.append(" & ".join(cells) + " \\\\" + (" \\hline" if k == 0 else ""))
+    return "\n".join([*lines, "\\hline", "\\end{tabular}"]) + "\n"
 
 
 def _range(of: Spread, digits: int = 3, scale: float = 1.0) -> str:
@@ -184,6 +195,31 @@ def equal_time_table(
         rows,
         words,
     )
+
+
+def slope_table(slopes: Sequence[Slope], trimmed: bool = False) -> Table:
+    """Return how fast the error of each method falls."""
+    rows = [
+        (of.method, *map(_exponent, (of.by_passes, of.by_seconds)), f"{of.of_noise:.3f}")
+        for of in slopes
+    ]
+    return Table(
+        f"Slopes{of_pixels(trimmed)}",
+        ("method", "by passes", "by seconds", "noise alone"),
+        rows,
+        (
+            (
+                "by passes, by seconds: b of error ~ passes^b and ~ seconds^b, by least squares of the logarithms "
+                "over all runs, +- its standard error. The reference's own error is taken off; runs of which it is "
+                "more than half of the squared error are left out. unknown: less than three numbers of passes."
+            ),
+            "noise alone: the exponent by passes, without bias.",
+        ),
+    )
+
+
+def _exponent(fitted: tuple[float, float]) -> str:
+    return "unknown" if math.isnan(fitted[0]) else f"{fitted[0]:.3f} +- {fitted[1]:.3f}"
 
 
 def mesh_table(study: PictureStudy) -> Table:

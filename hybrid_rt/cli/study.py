@@ -9,6 +9,7 @@ from typing import Any
 
 from hybrid_rt.analysis import answers, hit_study, study_diagrams, tables, work_precision
 from hybrid_rt.analysis.advice import advise
+from hybrid_rt.analysis.curves import fitted_slope
 from hybrid_rt.analysis.hit_study import HitStudy
 from hybrid_rt.analysis.method_forecast import triangles_for
 from hybrid_rt.analysis.methods import curved_surfaces, default_methods
@@ -33,9 +34,9 @@ REFERENCE_FILE = "reference.npz"
 DESCRIPTION = """\
 Draw error against run time for a scene or a surface, and say which settings are cheapest.
 
-Prints tables and answers; with --out it writes curves.json, curves.csv and the reference that it
-made, reference.npz, and with matplotlib curves.png and page.html, which holds pictures, error maps
-and diagrams and needs no other file.
+Prints tables and answers; with --out it writes curves.json, curves.csv, tables.tex (for LaTeX) and
+the reference that it made, reference.npz, and with matplotlib curves.png, curves.pdf (vectors) and
+page.html, which holds pictures, error maps and diagrams and needs no other file.
 Scene scripts are programs and are executed. Seconds are wall time with kernels compiled.
 """
 EXAMPLES = """\
@@ -135,7 +136,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Measure and print what is asked for, or compare two earlier runs."""
     if args.out:
-        say_if_no_plots("curves.png and no page.html")
+        say_if_no_plots("curves.png, no curves.pdf and no page.html")
     if args.compare:
         if args.source:
             raise ValueError(f"--compare measures nothing: leave out {args.source}, or --compare")
@@ -302,6 +303,8 @@ def _show_picture(
     shown.tables.append(tables.forecast_table(advice.forecasts, advice.target, study.trimmed))
     if len(study.curves) > 1:
         shown.tables.append(tables.equal_time_table(study.curves, own, study.trimmed))
+    slopes = [fitted_slope(curve, own) for curve in study.curves]
+    shown.tables.append(tables.slope_table(slopes, study.trimmed))
     shown.tables.append(tables.picture_table(study.curves, study.trimmed))
     if study.meshes:
         shown.tables.append(tables.mesh_table(study))
@@ -310,6 +313,7 @@ def _show_picture(
         **{key: value for key, value in vars(study).items() if key != "images"},
         "reference": asdict(study.reference),
         "curves": [asdict(curve) for curve in study.curves],
+        "slopes": [asdict(slope) for slope in slopes],
         "answer": {"headline": advice.headline, "command": advice.command},
         "forecast_target": advice.target,
         "forecasts": [asdict(found) for found in advice.forecasts],

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from hybrid_rt.analysis import study_diagrams, tables
-from hybrid_rt.analysis.curves import Curve, renamed
+from hybrid_rt.analysis.curves import Curve, fitted_slope, renamed
 from hybrid_rt.analysis.diagrams import Diagram
 from hybrid_rt.analysis.method_forecast import forecast
 from hybrid_rt.analysis.page import Study
@@ -71,7 +71,8 @@ def _pictures(both: Sequence[dict[str, Any]], names: Sequence[str]) -> Overlay:
     }
     diagram = study_diagrams.picture_diagram(curves, own or float("nan"), trimmed[0])
     by_time = tables.equal_time_table(curves, own, trimmed[0])
-    return data, diagram, [by_time, tables.picture_table(curves, trimmed[0])]
+    slopes = tables.slope_table([fitted_slope(curve, own) for curve in curves], trimmed[0])
+    return data, diagram, [by_time, slopes, tables.picture_table(curves, trimmed[0])]
 
 
 def _hits(both: Sequence[dict[str, Any]], _: Sequence[str]) -> Overlay:

@@ -1,4 +1,4 @@
-"""Studies as text and as files: curves.json, curves.csv, curves.png and page.html."""
+"""Studies as text and as files: curves.json, curves.csv, tables.tex, curves.png, curves.pdf and page.html."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 
 from hybrid_rt.analysis import tables
 from hybrid_rt.analysis.curves import Curve, Point, Spread
-from hybrid_rt.analysis.diagrams import save
+from hybrid_rt.analysis.diagrams import save, save_pdf
 from hybrid_rt.analysis.page import Study, page
 from hybrid_rt.cli.command import check_results, say
 from hybrid_rt.core.plain_records import as_json
@@ -59,7 +59,8 @@ def _print(study: Study) -> None:
 def _names() -> list[str]:
     """Return the names of the files that are written for every study or comparison."""
     has_plots = importlib.util.find_spec("matplotlib") is not None
-    return ["curves.json", "curves.csv", *(("curves.png", "page.html") if has_plots else ())]
+    plots = ["curves.png", "curves.pdf", "page.html"] if has_plots else []
+    return ["curves.json", "curves.csv", "tables.tex", *plots]
 
 
 def check_folder(folder: Path) -> None:
@@ -77,11 +78,13 @@ def _write(folder: Path, study: Study, data: dict[str, Any]) -> list[Path]:
     csv.writer(rows).writerows([CSV_HEAD, *_runs(data)])
     texts: dict[str, Callable[[], str]] = {
         ".json": lambda: as_json(data), ".csv": rows.getvalue, ".html": lambda: page(study),
+        ".tex": lambda: "\n".join(map(tables.in_latex, study.tables)),
     }  # fmt: skip
+    pictures = {".png": save, ".pdf": save_pdf}
     files = [folder / name for name in _names()]
     for file in files:
-        if file.suffix == ".png":
-            save(study.diagrams, file)
+        if file.suffix in pictures:
+            pictures[file.suffix](study.diagrams, file)
         else:
             with replacing(file) as opened:
                 opened.write(texts[file.suffix]().encode())

@@ -46,8 +46,8 @@ _IMPORTABLE = "put the classes and functions that it uses into a module that wor
 # What to do about an integrator of the caller's own.
 _OWN_THERE = "declare it in a module and start them by `dask worker --preload MODULE`"
 _OWN_LOCALLY = (
-    "its processes import a script that is run by `python SCRIPT`, not one that `hybrid-rt render` reads: "
-    'have the script declare it and call render under `if __name__ == "__main__":`'
+    "run `python SCRIPT --cluster {}`, as they import a script that python runs, not one that `hybrid-rt render` "
+    'reads; SCRIPT declares it and ends in `if __name__ == "__main__": sys.exit(render_script(scene, __file__))`'
 )
 # So often is a task tried again after the end of its worker.
 TRIES = 5
@@ -385,7 +385,8 @@ class Cluster:
 
         remedy = ""
         if isinstance(error, UnknownIntegratorError):
-            remedy = f": {_OWN_LOCALLY if self._local is not None else _OWN_THERE}, or leave out cluster="
+            how = _OWN_THERE if self._local is None else _OWN_LOCALLY.format(self._address)
+            remedy = f": {how}, or leave out cluster="
         elif isinstance(error, ImportError | AttributeError):
             remedy = f": {_IMPORTABLE}"
         return f"{_words(error)}{remedy}"

@@ -1,12 +1,13 @@
 """Diagrams of studies."""
 
 import math
+import re
 from xml.etree import ElementTree
 
 import imageio.v3 as imageio
 import pytest
 
-from hybrid_rt.analysis.diagrams import Diagram, Line, Mark, as_svg, save
+from hybrid_rt.analysis.diagrams import Diagram, Line, Mark, as_svg, save, save_pdf
 
 
 class TestDiagram:
@@ -25,6 +26,15 @@ class TestDiagram:
         assert words >= {"x", "y", "half", "noise", "<floor>", "n0", "n4"}
         save([diagram] * 3, tmp_path / "a.png")
         assert imageio.imread(tmp_path / "a.png").shape[:2] == (3 * 517, 924)
+
+    def test_each_is_a_page_of_vectors_and_the_same_bytes_again(self, tmp_path):
+        diagrams = [Diagram("t", "x", "y", [Line("l", [self.mark(1.0, 2.0)])])] * 2
+        for name in ("a.pdf", "b.pdf"):
+            save_pdf(diagrams, tmp_path / name)
+        written = (tmp_path / "a.pdf").read_bytes()
+        assert written == (tmp_path / "b.pdf").read_bytes()
+        assert len(re.findall(rb"/Type /Page\b", written)) == 2
+        assert b"/Subtype /Image" not in written
 
     @pytest.mark.parametrize("more", [0.0, 1e-16, 1e-15, 1e-13])
     def test_marks_that_rounding_alone_tells_apart_are_drawn(self, more):

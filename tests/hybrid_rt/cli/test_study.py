@@ -58,7 +58,11 @@ def test_study_of_a_scene_and_the_overlay_of_two(run, tmp_path):
     assert "judged rays" in captured.out
     written = {path.name for path in (tmp_path / "a").iterdir()}
     reference = {"reference.npz", "reference.npz.json"}
-    assert written == {"curves.csv", "curves.json", "curves.png", "page.html"} | reference
+    assert (
+        written
+        == {"curves.csv", "curves.json", "curves.pdf", "curves.png", "page.html", "tables.tex"}
+        | reference
+    )
     data = json.loads((tmp_path / "a" / "curves.json").read_text())
     assert [c["name"] for c in data["hits"]["curves"]][:3] == ["mesh", "refined", "certified"]
     paths = next(c for c in data["picture"]["curves"] if c["name"] == "path")
@@ -98,6 +102,8 @@ def test_integrators_alone(run, tmp_path):
     assert "path, mesh" not in captured.out
     data = json.loads((tmp_path / "alone" / "curves.json").read_text())
     assert [curve["name"] for curve in data["picture"]["curves"]] == ["path"]
+    assert [slope["method"] for slope in data["picture"]["slopes"]] == ["path"]
+    assert "\\begin{tabular}" in (tmp_path / "alone" / "tables.tex").read_text()
 
 
 SURFACE = f"{TEAPOT} --quick --rays 300 --threads 1"

@@ -172,7 +172,7 @@ def test_what_a_worker_makes_is_taken(honest):
 @pytest.mark.parametrize(
     ("is_local", "words"),
     [
-        (True, "`python SCRIPT`, not one that `hybrid-rt render` reads"),
+        (True, "run `python SCRIPT --cluster local:1`"),
         (False, "dask worker --preload MODULE"),
     ],
 )
