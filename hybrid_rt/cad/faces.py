@@ -7,7 +7,7 @@ that is left-handed has its axis turned round; where that turns v round, too, th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, TypeAlias
@@ -68,6 +68,8 @@ class Raw:
 
 Loops: TypeAlias = list[list[Arc]]
 Axes: TypeAlias = tuple[Axis, Axis]
+# Origin, axis, and the direction from which azimuths count.
+Frame: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,7 @@ class Part:
         surface, loops, axes = self.surface, self.loops, self.axes
         if face.is_reversed != self.is_turned:
             # As `TrimmedSurface.flipped` does, at once.
-            loops, axes = FLIPS[surface.flip_of_uv](loops, axes)
+            loops, axes = _flipped(surface.flip_of_uv, loops, axes)
             surface = surface.flipped()
         return TrimmedSurface(surface, as_curves(loops, axes), face.gap)
 
@@ -109,18 +111,13 @@ class Part:
 
     def jump(self) -> float:
         """Return how far lines that close loops go in space, at most, beyond what the file allows."""
-        farthest = 0.0
-        joints = (arc for loop in self.loops for arc in loop if arc.ends is None)
-        for arc in joints:
-            if np.abs(arc.points[1] - arc.points[0]).max() > NEEDLE:
-                along = np.linspace(0.0, 1.0, 5)[:, None]
-                u, v = self.unit(
-                    arc.points[0] + along * (arc.points[1] - arc.points[0]), moved=True
-                )
-                at = self.point(np.clip(u, 0.0, 1.0), np.clip(v, 0.0, 1.0))
-                farthest = max(
-                    farthest, float(np.linalg.norm(at - at[0], axis=1).max()) - 2 * arc.reach
-                )
+        farthest, along = 0.0, np.linspace(0.0, 1.0, 5)[:, None]
+        for arc in (arc for loop in self.loops for arc in loop if arc.ends is None):
+            begin, way = arc.points[0], arc.points[1] - arc.points[0]
+            if np.abs(way).max() > NEEDLE:
+                at = self.point(*np.clip(self.unit(begin + along * way, moved=True), 0.0, 1.0))
+                far = float(np.linalg.norm(at - at[0], axis=1).max())
+                farthest = max(farthest, far - 2 * arc.reach)
         return farthest
 
     def unit(self, uv: FloatArray, *, moved: bool = False) -> tuple[FloatArray, FloatArray]:
@@ -142,25 +139,18 @@ class Part:
         return self.surface.point(u, (v - breaks[k]) / (breaks[k + 1] - breaks[k]), k)
 
 
-def _reversed(k: int) -> Callable[[Loops, Axes], tuple[Loops, Axes]]:
-    """Return what runs u (k = 0) or v (k = 1) the other way."""
-    scale = (-1.0, 1.0) if k == 0 else (1.0, -1.0)
-
-    def run(loops: Loops, axes: Axes) -> tuple[Loops, Axes]:
-        turned = axes[k].reversed()
-        both = (turned, axes[1]) if k == 0 else (axes[0], turned)
-        return [[arc.moved(scale, (0, 0)) for arc in loop] for loop in loops], both
-
-    return run
-
-
-def _swapped(loops: Loops, axes: Axes) -> tuple[Loops, Axes]:
-    swapped = [[replace(arc, points=arc.points[:, ::-1]) for arc in loop] for loop in loops]
-    return swapped, (axes[1], axes[0])
-
-
-# By `Surface.flip_of_uv`.
-FLIPS = {"swapped": _swapped, "u reversed": _reversed(0), "v reversed": _reversed(1)}
+def _flipped(way: str, loops: Loops, axes: Axes) -> tuple[Loops, Axes]:
+    """Return loops and axes of a flipped surface, by its `Surface.flip_of_uv`."""
+    u, v = axes
+    if way == "swapped":
+        return [[replace(arc, points=arc.points[:, ::-1]) for arc in loop] for loop in loops], (
+            v,
+            u,
+        )
+    is_u = way == "u reversed"
+    scale = (-1.0, 1.0) if is_u else (1.0, -1.0)
+    loops = [[arc.moved(scale, (0, 0)) for arc in loop] for loop in loops]
+    return loops, (u.reversed(), v) if is_u else (u, v.reversed())
 
 
 @dataclass(frozen=True)
@@ -227,58 +217,39 @@ def _straight(face: Raw) -> list[Part]:
     low, high = (max(low, tip) if is_above else low), (min(high, tip) if is_below else high)
     points = [[v * cosine, 0.0 if v == tip else radius + v * sine] for v in (low, high)]
     segments = [Segment(low, high, np.array(points))]
-    return _turned(face, loops, *_axis_of(face.frame), segments)
+    frame, sign = _axis_of(face.frame)
+    return _turned(face, loops, frame, segments, sign)
 
 
-def _axis_of(frame: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Return origin, axis and reference of a frame, right-handed, and the sign of positions along it."""
+def _axis_of(frame: FloatArray) -> tuple[Frame, float]:
+    """Return a frame, right-handed, and the sign of positions along its axis."""
     origin, x, y, z = frame
     sign = 1.0 if np.cross(x, y) @ z > 0.0 else -1.0
-    return origin, sign * z, x, sign
+    return (origin, sign * z, x), sign
 
 
-def _sphere(face: Raw) -> list[Part]:
-    origin, axis, x, sign = _axis_of(face.frame)
-    return _ball(face, origin, axis, x, face.numbers[12], sign, 0.0)
-
-
-def _ball(
-    face: Raw,
-    origin: FloatArray,
-    axis: FloatArray,
-    x: FloatArray,
-    radius: float,
-    sign: float,
-    shift: float,
-) -> list[Part]:
-    """Return a sphere whose latitude is v times a sign, shifted."""
-    loops = _loops(face, TURN, TURN, moved=(sign, shift), lowest=-0.5 * TURN)
-    axes = even_axis(0.0, TURN), even_axis(-0.25 * TURN, 0.25 * TURN)
-    ball = Sphere(origin, radius, axis, x)
-    return [Part(ball, axes, loops, sign < 0.0, (sign, shift), (TURN, TURN))]
-
-
-def _torus(face: Raw) -> list[Part]:
-    origin, axis, x, sign = _axis_of(face.frame)
+def _round(face: Raw) -> list[Part]:
+    frame, sign = _axis_of(face.frame)
     major, minor = face.numbers[12:14].tolist()
-    return _ring(face, origin, axis, x, major, minor, sign, 0.0)
+    return _ring(face, frame, major, minor, (sign, 0.0))
 
 
 def _ring(
-    face: Raw, origin: FloatArray, axis: FloatArray, x: FloatArray, major: float, minor: float,
-    sign: float, shift: float,
-) -> list[Part]:  # fmt: skip
-    """Return a torus whose angle about the tube is v times a sign, shifted."""
-    loops = _loops(face, TURN, TURN, moved=(sign, shift))
-    if minor < major:
-        axes = even_axis(0.0, TURN), even_axis(0.0, TURN)
-        ring = Torus(origin, axis, major, minor, x)
-        return [Part(ring, axes, loops, sign < 0.0, (sign, shift), (TURN, TURN))]
-    # Its profile crosses the axis.
-    frame = np.array([[0.0, major], [0.0, 1.0], [1.0, 0.0]])
-    (_, low), (_, high) = extent(loops)
-    segments = conic_arcs(frame, (minor, minor), low, high, ELLIPSE)
-    return _turned(face, loops, origin, axis, x, 1.0, segments, sign < 0.0, (sign, shift), TURN)
+    face: Raw, frame: Frame, major: float, minor: float, moved: tuple[float, float]
+) -> list[Part]:
+    """Return a torus; of major radius 0 a sphere. Its angle about the tube is v times a sign, shifted."""
+    origin, axis, x = frame
+    is_turned, is_ball = moved[0] < 0.0, major == 0.0
+    loops = _loops(face, TURN, TURN, moved=moved, lowest=-0.5 * TURN if is_ball else 0.0)
+    if minor >= major and not is_ball:  # its profile crosses the axis
+        circle = np.array([[0.0, major], [0.0, 1.0], [1.0, 0.0]])
+        (_, low), (_, high) = extent(loops)
+        segments = conic_arcs(circle, (minor, minor), low, high, ELLIPSE)
+        return _turned(face, loops, frame, segments, 1.0, is_turned, moved, TURN)
+    ends = (-0.25 * TURN, 0.25 * TURN) if is_ball else (0.0, TURN)
+    axes = even_axis(0.0, TURN), even_axis(*ends)
+    surface = Sphere(origin, minor, axis, x) if is_ball else Torus(origin, axis, major, minor, x)
+    return [Part(surface, axes, loops, is_turned, moved, (TURN, TURN))]
 
 
 def conic_arcs(
@@ -345,30 +316,26 @@ def _revolution(face: Raw) -> list[Part]:
         Segment(s.begin, s.end, np.column_stack([p @ axis, p @ x]), s.weights, s.bend)
         for s, p in ((s, s.points - origin) for s in segments)
     ]
-    return _turned(face, _loops(face, TURN, 0.0), origin, axis, x, 1.0, flat)
+    return _turned(face, _loops(face, TURN, 0.0), (origin, axis, x), flat)
 
 
 def _turned_circle(face: Raw, origin: FloatArray, axis: FloatArray, x: FloatArray) -> list[Part]:
     """Return a circle turned about an axis in its plane: a torus or a sphere."""
     center, to_begin, to_quarter = face.numbers[8:20].reshape(4, 3)[:3]
-    radius = float(face.numbers[20])
+    radius, height = float(face.numbers[20]), float((center - origin) @ axis)
     major = float((center - origin) @ x)
-    at = origin + float((center - origin) @ axis) * axis
-    sign = (
-        1.0 if (to_begin @ x) * (to_quarter @ axis) > (to_begin @ axis) * (to_quarter @ x) else -1.0
-    )
-    shift = math.atan2(float(to_begin @ axis), float(to_begin @ x))
-    if abs(major) <= IN_PLANE * radius:
-        return _ball(face, at, axis, x, radius, sign, shift)
-    return _ring(face, at, axis, x, major, radius, sign, shift)
+    turn = (to_begin @ x) * (to_quarter @ axis) - (to_begin @ axis) * (to_quarter @ x)
+    moved = 1.0 if turn > 0.0 else -1.0, math.atan2(to_begin @ axis, to_begin @ x)
+    major = 0.0 if abs(major) <= IN_PLANE * radius else major
+    return _ring(face, (origin + height * axis, axis, x), major, radius, moved)
 
 
 def _turned(
-    face: Raw, loops: Loops, origin: FloatArray, axis: FloatArray, x: FloatArray, sign: float,
-    segments: list[Segment], is_turned: bool = False, moved: tuple[float, float] = (1.0, 0.0),
+    face: Raw, loops: Loops, frame: Frame, segments: list[Segment], sign: float = 1.0, is_turned: bool = False, moved: tuple[float, float] = (1.0, 0.0),
     period: float = 0.0,
 ) -> list[Part]:  # fmt: skip
     """Return the surfaces of a turned profile: one for each run of radii of one sign."""
+    origin, axis, x = frame
     size = max(float(np.abs(s.points).max()) for s in segments)
     runs: list[tuple[int, list[Segment]]] = []
     for s in [piece for whole in segments for piece in _cut_at_axis(whole)]:
@@ -479,8 +446,7 @@ def _sheet(
 ) -> list[Part]:  # fmt: skip
     """Return a B-spline surface, of which only the spans that loops reach are kept."""
     net, weights, closes = _closed(net, weights)
-    begin = [k[d] for k, d in zip(knots, degrees, strict=True)]
-    end = [k[len(k) - d - 1] for k, d in zip(knots, degrees, strict=True)]
+    begin, end = zip(*map(_domain, knots, degrees), strict=True)
     periods = [b - a if c else 0.0 for a, b, c in zip(begin, end, closes, strict=True)]
     loops = gathered(closed_loops(face.wires, periods), periods, begin)
     if not loops:
@@ -491,9 +457,16 @@ def _sheet(
             net, weights, knots[axis] = _shortened(
                 net, weights, knots[axis], degree, axis, low, high
             )
-    ends = [(k[d], k[len(k) - d - 1]) for k, d in zip(knots, degrees, strict=True)]
-    surface = NurbsSurface(net, knots[0], knots[1], degrees, weights)
-    return [Part(surface, (even_axis(*ends[0]), even_axis(*ends[1])), loops, periods=periods)]
+    u, v = (even_axis(*_domain(k, d)) for k, d in zip(knots, degrees, strict=True))
+    return [
+        Part(
+            NurbsSurface(net, knots[0], knots[1], degrees, weights), (u, v), loops, periods=periods
+        )
+    ]
+
+
+def _domain(knots: FloatArray, degree: int) -> tuple[float, float]:
+    return knots[degree], knots[len(knots) - degree - 1]
 
 
 def _closed(
@@ -540,7 +513,7 @@ def _shortened(
 
 
 BUILDERS = {
-    "plane": _plane, "cylinder": _straight, "cone": _straight, "sphere": _sphere, "torus": _torus,
+    "plane": _plane, "cylinder": _straight, "cone": _straight, "sphere": _round, "torus": _round,
     "revolution": _revolution, "extrusion": _extrusion, "bezier": _spline, "bspline": _spline,
     "offset": _spline,
 }  # fmt: skip

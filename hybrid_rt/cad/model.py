@@ -6,21 +6,23 @@ import os
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.cad import edges as edges_of
-from hybrid_rt.cad.faces import BUILDERS, Part, Raw, parts_of
+from hybrid_rt.cad.faces import Part, Raw, parts_of
 from hybrid_rt.cad.loops import Arc
 from hybrid_rt.cad.pairs import in_pairs
 from hybrid_rt.cad.process import arrays_of
 from hybrid_rt.cad.records import KINDS, MM
 from hybrid_rt.core import checks
-from hybrid_rt.core.records import BoolArray
+from hybrid_rt.core.records import BoolArray, HitRecord, IntArray
 from hybrid_rt.intersection.crossings import Crossings
 from hybrid_rt.primitives import TriangleMesh
+from hybrid_rt.primitives.instances import Instances
 from meshing.checks import FloatArray, as_path, number, text_of
 from meshing.surface import Surface
 
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
 
 EXACT, APPROXIMATED, REFUSED, MESH = "exact", "approximated", "refused", "mesh"
 FACE = np.dtype([
-    ("part", "i4"), ("kind", "U10"), ("exactness", "U12"), ("bound", "f8"), ("gap_measured", "f8"),
+    ("shape", "i4"), ("kind", "U10"), ("exactness", "U12"), ("bound", "f8"), ("gap_measured", "f8"),
     ("gap_declared", "f8"), ("is_reversed", "?"), ("color", "f8", 3), ("surfaces", "i4"),
     ("free_edges", "i4"),
 ])  # fmt: skip
@@ -45,7 +47,7 @@ LISTED, NAMED = 20, 3
 GREY = (0.55, 0.55, 0.55)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class CadPart:
     """A shape of a CAD file where it is placed.
 
@@ -62,7 +64,7 @@ class CadPart:
     shape : int
         Number of the shape; parts with the same one are copies.
     faces : slice
-        Of the rows of `CadModel.faces`.
+        Of the rows of `CadModel.faces`; those of copies are the same.
     """
 
     name: str
@@ -73,6 +75,25 @@ class CadPart:
     shape: int
     faces: slice
 
+    @property
+    def is_mirrored(self) -> bool:
+        """Whether it is placed by a reflection."""
+        return bool(np.linalg.det(self.transform[:3, :3]) < 0.0)
+
+    @property
+    def scale(self) -> float:
+        """Lengths of the model per length of the shape."""
+        return float(np.cbrt(abs(np.linalg.det(self.transform[:3, :3]))))
+
+
+class Owners(NamedTuple):
+    """Whose the patches and places of each surface of a model are; the last is none, for misses."""
+
+    first_patch: NDArray[np.int64]  # of one place; where they begin in ``face``
+    face: IntArray
+    first_place: NDArray[np.int64]
+    part: IntArray
+
 
 @dataclass(frozen=True)
 class CadModel:
@@ -81,16 +102,18 @@ class CadModel:
     Attributes
     ----------
     surfaces : list of Surface
-        For an `Intersector`, or objects of a scene.
-    face_of : (surfaces,) int32
-        The row of ``faces`` of each surface, so of the ``object_id`` of hits: ``face_of[hits.object_id]``.
+        For an `Intersector`, or objects of a scene. A shape that is placed more than once is an `Instances`
+        for each colour, with one table for all places (and one for the mirrored ones).
+    owners : Owners
+        What `face_at` and `part_at` look up.
     parts : list of CadPart
-    faces : structured array, a row for each face of each part, in the order of the file
-        ``part``, ``kind`` ("plane", "cylinder" ...), ``exactness`` ("exact", "approximated", "refused",
+    faces : structured array, a row for each face of each shape, in the order of the file
+        ``shape``, ``kind`` ("plane", "cylinder" ...), ``exactness`` ("exact", "approximated", "refused",
         "mesh"), ``bound`` (of what is approximated: distance, an estimate), ``gap_measured`` and
         ``gap_declared`` (largest distance from a neighbour along a shared edge, and the file's
         tolerance), ``is_reversed`` (normal against S_u x S_v of the file), ``color`` (linear RGB, nan
-        if there is none), ``surfaces`` (how many it became), ``free_edges``.
+        if there is none), ``surfaces`` (how many it became), ``free_edges``. Lengths are those at the
+        largest place of the shape.
     report : dict
         ``unit``, ``parts``, ``shapes``, ``faces`` (kind -> exactness -> count), ``gaps`` (largest first:
         gap, both faces), ``free_edges``, ``refused`` (face, kind, reason), ``wires`` and ``points``
@@ -98,7 +121,7 @@ class CadModel:
     """
 
     surfaces: list[Surface]
-    face_of: NDArray[np.int32]
+    owners: Owners
     parts: list[CadPart]
     faces: NDArray[Any]
     report: dict[str, Any]
@@ -115,6 +138,24 @@ class CadModel:
         """(2, 3): lower and upper corner of a box about what is inside the loops, nearly."""
         return self.box
 
+    def face_at(self, hits: HitRecord) -> IntArray:
+        """Return the row of `faces` of each hit on `surfaces`; -1 on a miss, and on what comes after them."""
+        first, row = self.owners.first_patch, self._objects(hits)
+        face: IntArray = self.owners.face[first[row] + hits.patch_id % np.diff(first)[row]]
+        return face
+
+    def part_at(self, hits: HitRecord) -> IntArray:
+        """Return the number in `parts` of each hit, as `face_at` does."""
+        row = self._objects(hits)
+        place = np.where(row < len(self.surfaces), hits.instance_id, 0)
+        part: IntArray = self.owners.part[self.owners.first_place[row] + np.maximum(place, 0)]
+        return part
+
+    def _objects(self, hits: HitRecord) -> IntArray:
+        n = len(self.surfaces)
+        of: IntArray = np.where((hits.object_id >= 0) & (hits.object_id < n), hits.object_id, n)
+        return of
+
     def paired(self, crossings: Crossings) -> tuple[Crossings, BoolArray]:
         """Return crossings of `surfaces` with entries and exits of closed parts in turn.
 
@@ -128,7 +169,7 @@ class CadModel:
             Of rays for which leaving out is not enough, all rows stay, and this is False.
         """
         closed = np.array([part.is_closed for part in self.parts])
-        part = self.faces["part"][self.face_of[crossings.hits.object_id]]
+        part = self.part_at(crossings.hits)
         return in_pairs(crossings, np.where(closed[part], part, -1))
 
     def scene(
@@ -171,12 +212,13 @@ class CadModel:
         )
         made: dict[tuple[float, ...], Material] = {}
         objects = []
-        for k, surface in zip(self.face_of.tolist(), self.surfaces, strict=True):
-            part = self.parts[self.faces["part"][k]]
-            color = self.faces["color"][k]
-            rgb = tuple(color.tolist()) if np.isfinite(color).all() else part.color or GREY
+        whose = zip(self.surfaces, self.owners.first_patch, self.owners.first_place, strict=False)
+        for surface, patch, place in whose:
+            face, part = self.owners.face[patch], self.parts[self.owners.part[place]]
+            rgb = _rgb(self.faces["color"][face]) or part.color or GREY
             look = material or made.setdefault(rgb, Lambertian(np.clip(rgb, 0.0, 0.9)))
-            objects.append(Object(surface, look, f"{part.name or 'part'}, face {k}"))
+            words = "in places" if isinstance(surface, Instances) else f"face {face}"
+            objects.append(Object(surface, look, f"{part.name or 'part'}, {words}"))
         if ground:
             corner = np.array([middle[0] - 20 * size, middle[1] - 20 * size, low[2] - 1e-3 * size])
             side = 40 * size
@@ -254,123 +296,176 @@ def read_cad(
 
 def _model_of(arrays: dict[str, Any]) -> CadModel:
     """Return the model of what the child process has written."""
-    head, raw = arrays["head"], arrays["faces"]
-    uses, xyz = arrays["uses"], arrays["xyz"]
-    shared = edges_of.measured(uses, xyz, len(raw))
+    head, raw, uses = arrays["head"], arrays["faces"], arrays["uses"]
+    shared = edges_of.measured(uses, arrays["xyz"], len(raw))
     gaps, declared = edges_of.gaps_of_faces(shared, len(raw))
-    built, reasons, bounds = _built(arrays, gaps)
-    surfaces: list[Surface] = []
-    owner: list[int] = []
-    parts: list[CadPart] = []
-    rows: list[tuple[Any, ...]] = []
-    boxes: list[list[FloatArray]] = []
-    pairs: list[dict[str, Any]] = []
-    refused: list[dict[str, Any]] = []
-    first = 0
-    for placed in head["placed"]:
-        begin, end = head["shapes"][placed["shape"]]["faces"]
-        if begin == end:
-            continue  # wires and points only
-        matrix, number_of_part = np.array(placed["matrix"]), len(parts)
-        is_moved, is_mirrored = (matrix != np.eye(4)).any(), np.linalg.det(matrix[:3, :3]) < 0.0
-        scale = float(np.cbrt(abs(np.linalg.det(matrix[:3, :3]))))
-        for k in range(begin, end):
-            for surface in built[k]:
-                copy = surface.transformed(matrix) if is_moved else surface
-                surfaces.append(copy.flipped() if is_mirrored else copy)
-                owner.append(first + k - begin)
-            kind = KINDS[raw["kind"][k]]
-            exactness = REFUSED if not built[k] else MESH if kind == "mesh" else EXACT
-            bound = float(raw["bound"][k]) * scale
-            if exactness == EXACT and bound:
-                exactness = APPROXIMATED
-            rows.append((
-                number_of_part, kind, exactness, bound, gaps[k] * scale, declared[k] * scale,
-                raw["reversed"][k], raw["color"][k], len(built[k]), shared.n_free[k],
-            ))  # fmt: skip
-            if not built[k]:
-                refused.append({"face": first + k - begin, "kind": kind, "reason": reasons[k]})
-        mine = (uses["face"] >= begin) & (uses["face"] < end)
-        points = [xyz[mine].reshape(-1, 3), *(bounds[k] for k in range(begin, end))]
-        corners = np.concatenate(points) @ matrix[:3, :3].T + matrix[:3, 3]
-        if len(corners):
-            boxes.append([corners.min(axis=0), corners.max(axis=0)])
-        here = (shared.face[:, 0] >= begin) & (shared.face[:, 0] < end)
-        largest = np.flatnonzero(here)[np.argsort(-shared.gap[here], kind="stable")[:LISTED]]
-        pairs += [
-            {"gap": float(shared.gap[e] * scale), "faces": (shared.face[e] + first - begin).tolist(),
-             "declared": float(shared.declared[e] * scale)}
-            for e in largest.tolist()
-        ]  # fmt: skip
-        is_closed = not shared.n_free[begin:end].any() and all(built[begin:end])
-        color = None if placed["color"] is None else tuple(placed["color"])
-        parts.append(CadPart(
-            placed["name"], placed["instance"], color, matrix, is_closed, placed["shape"],
-            slice(first, first + end - begin),
-        ))  # fmt: skip
-        first += end - begin
-    faces = np.array(rows, FACE)
-    counts: dict[str, dict[str, int]] = {}
-    for (kind, exactness), n in Counter(
-        zip(faces["kind"].tolist(), faces["exactness"].tolist(), strict=True)
-    ).items():
-        counts.setdefault(kind, {})[exactness] = n
+    built = _built(arrays, gaps)
+    parts, box = _parts(head, built, shared.n_free, arrays["xyz"], uses["face"])
+    scale = np.zeros(len(head["shapes"]))
+    for part in parts:
+        scale[part.shape] = max(scale[part.shape], part.scale)
+    scale = scale[raw["shape"]]
+    faces = np.zeros(len(raw), FACE)
+    for name in ("shape", "color"):
+        faces[name] = raw[name]
+    faces["kind"] = np.array(KINDS)[raw["kind"]]
+    faces["is_reversed"], faces["free_edges"] = raw["reversed"], shared.n_free
+    faces["bound"], faces["gap_measured"] = raw["bound"] * scale, gaps * scale
+    faces["gap_declared"] = declared * scale
+    faces["surfaces"] = [len(face.surfaces) for face in built]
+    faces["exactness"] = np.select(
+        [faces["surfaces"] == 0, faces["kind"] == "mesh", raw["bound"] > 0.0],
+        [REFUSED, MESH, APPROXIMATED], EXACT,
+    )  # fmt: skip
+    counts: dict[Any, Counter[Any]] = {}
+    for kind, exactness in faces[["kind", "exactness"]].tolist():
+        counts.setdefault(kind, Counter())[exactness] += 1
+    gap = shared.gap * scale[shared.face[:, 0]]
     report = {
         "unit": head["unit"], "parts": len(parts), "shapes": len({part.shape for part in parts}),
-        "closed_parts": sum(part.is_closed for part in parts), "faces": counts,
-        "gaps": sorted(pairs, key=lambda pair: -pair["gap"])[:LISTED],
-        "free_edges": int(faces["free_edges"].sum()), "refused": refused,
+        "closed_parts": sum(part.is_closed for part in parts),
+        "faces": {kind: dict(of) for kind, of in counts.items()},
+        "gaps": [
+            {"gap": float(gap[e]), "faces": shared.face[e].tolist(),
+             "declared": float(shared.declared[e] * scale[shared.face[e, 0]])}
+            for e in np.argsort(-gap, kind="stable")[:LISTED].tolist()
+        ],
+        "free_edges": int(shared.n_free.sum()),
+        "refused": [
+            {"face": k, "kind": KINDS[raw["kind"][k]], "reason": face.reason}
+            for k, face in enumerate(built) if not face.surfaces
+        ],
         "wires": head["wires"], "points": head["points"],
     }  # fmt: skip
-    box = np.array(boxes) if boxes else np.zeros((1, 2, 3))
-    return CadModel(
-        surfaces, np.array(owner, np.int32), parts, faces, report,
-        np.stack([box[:, 0].min(axis=0), box[:, 1].max(axis=0)]),
-    )  # fmt: skip
+    return CadModel(*_placed(parts, built, faces["color"]), parts, faces, report, box)
 
 
-def _built(
-    arrays: dict[str, Any], gaps: FloatArray
-) -> tuple[list[list[Surface]], list[str], list[FloatArray]]:
-    """Return the surfaces of each face, or why it has none, and points of it that edges do not show."""
-    raw, uses, numbers, xyz = arrays["faces"], arrays["uses"], arrays["numbers"], arrays["xyz"]
+class _Built(NamedTuple):
+    """What became of a face: its surfaces, or why it has none, and points of it that edges do not show."""
+
+    surfaces: list[Surface]
+    reason: str
+    points: FloatArray
+
+
+def _parts(
+    head: dict[str, Any], built: list[_Built], n_free: NDArray[np.int64], xyz: FloatArray, face: NDArray[np.int32]
+) -> tuple[list[CadPart], FloatArray]:  # fmt: skip
+    """Return the parts, and a box around them."""
+    points, closed = [], []
+    for shape in head["shapes"]:
+        begin, end = shape["faces"]
+        mine = slice(*np.searchsorted(face, (begin, end)))  # they are in that order
+        points.append(
+            np.concatenate([xyz[mine].reshape(-1, 3), *(f.points for f in built[begin:end])])
+        )
+        closed.append(not n_free[begin:end].any() and all(f.surfaces for f in built[begin:end]))
+    parts, boxes = [], [np.zeros((2, 3))]
+    matrices = np.array([placed["matrix"] for placed in head["placed"]])
+    for placed, matrix in zip(head["placed"], matrices, strict=True):
+        faces, shape = slice(*head["shapes"][placed["shape"]]["faces"]), placed["shape"]
+        if faces.start == faces.stop:
+            continue  # wires and points only
+        color = None if placed["color"] is None else tuple(placed["color"])
+        parts.append(CadPart(
+            placed["name"], placed["instance"], color, matrix, closed[shape], shape, faces
+        ))  # fmt: skip
+        if len(points[shape]):
+            corners = points[shape] @ matrix[:3, :3].T + matrix[:3, 3]
+            boxes.append(np.stack([corners.min(axis=0), corners.max(axis=0)]))
+    box = np.array(boxes[len(boxes) > 1 :])
+    return parts, np.stack([box[:, 0].min(axis=0), box[:, 1].max(axis=0)])
+
+
+def _placed(
+    parts: list[CadPart], built: list[_Built], color: FloatArray
+) -> tuple[list[Surface], Owners]:
+    """Return the surfaces, and whose they are: `Instances` of shapes that are placed more than once."""
+
+    @cache
+    def outward(row: int, is_mirrored: bool) -> list[Surface]:
+        found = built[row].surfaces
+        return [surface.flipped() for surface in found] if is_mirrored else found
+
+    counts = Counter((part.shape, part.is_mirrored) for part in parts)
+    groups: dict[tuple[Any, ...], tuple[list[int], list[int]]] = {}
+    for k, part in enumerate(parts):
+        form = part.shape, part.is_mirrored
+        rows = list(range(part.faces.start, part.faces.stop))
+        if counts[form] == 1:
+            groups |= {(k, row): ([row], [k]) for row in rows}
+            continue
+        by_color: dict[Any, list[int]] = {}
+        for row in rows:
+            by_color.setdefault(_rgb(color[row]), []).append(row)
+        for own, some in by_color.items():
+            key = (*form, own, part.color if own is None else None)
+            groups.setdefault(key, (some, []))[1].append(k)
+    surfaces: list[Surface] = []
+    owned: list[tuple[NDArray[Any], list[int]]] = []
+    for rows, numbers in groups.values():
+        part = parts[numbers[0]]
+        found = [(row, one) for row in rows for one in outward(row, part.is_mirrored)]
+        if counts[part.shape, part.is_mirrored] == 1:
+            matrix = part.transform
+            is_moved = (matrix != np.eye(4)).any()
+            surfaces += [one.transformed(matrix) if is_moved else one for _, one in found]
+            owned += [(np.full(len(one), row), numbers) for row, one in found]
+        elif found:
+            of, members = zip(*found, strict=True)
+            surfaces.append(Instances(members, [parts[k].transform for k in numbers]))
+            owned.append((np.repeat(of, [len(one) for one in members]), numbers))
+    owned.append((np.array([-1]), [-1]))  # of misses
+    (first_patch, face), (first_place, part_of) = (
+        (np.cumsum([0, *map(len, each)]), np.concatenate(each).astype(np.int32))
+        for each in zip(*owned, strict=True)
+    )
+    return surfaces, Owners(first_patch, face, first_place, part_of)
+
+
+def _rgb(color: FloatArray) -> tuple[float, ...] | None:
+    return tuple(color.tolist()) if np.isfinite(color).all() else None
+
+
+def _built(arrays: dict[str, Any], gaps: FloatArray) -> list[_Built]:
+    """Return what becomes of each face."""
+    raw, uses, xyz = arrays["faces"], arrays["uses"], arrays["xyz"]
     of_face = np.searchsorted(uses["face"], np.arange(len(raw) + 1))  # they are in that order
-    built: list[list[Surface]] = []
-    reasons: list[str] = []
-    bounds: list[FloatArray] = []
-    for k, row in enumerate(raw):
-        mine = slice(of_face[k], of_face[k + 1])
-        kind, reason = KINDS[row["kind"]], str(row["reason"])
-        found: list[Surface] = []
-        points = np.empty((0, 3))
-        if kind == "mesh" and not reason:
-            n, m = row["size"][:2].tolist()
-            vertices, faces = np.split(numbers[row["at"] : row["at"] + 3 * (n + m)], [3 * n])
-            sides = faces.reshape(m, 3).astype(np.int64)
-            mesh = TriangleMesh(_Triangles(vertices.reshape(n, 3), sides))  # type: ignore[arg-type]
-            found, points = [mesh.flipped() if row["reversed"] else mesh], mesh.vertices
-        elif not reason and kind in BUILDERS:
-            size = float(np.ptp(xyz[mine].reshape(-1, 3), axis=0).max(initial=0.0))
-            gap = max(edges_of.BETWEEN * float(gaps[k]), LEAST_GAP * size) + float(row["bound"])
-            face = Raw(
-                kind, bool(row["reversed"]), row["size"].tolist(), numbers[row["at"] :],
-                _wires(uses[mine], numbers, xyz[mine]), gap,
-            )  # fmt: skip
+    built = []
+    for row, gap, begin, end in zip(raw, gaps.tolist(), of_face, of_face[1:], strict=False):
+        found, reason, points = list[Surface](), str(row["reason"]), np.empty((0, 3))
+        if not reason:
             try:
-                parts = parts_of(face)
-                found = [part.trimmed(face) for part in parts]
-                points = np.concatenate([part.extremes() for part in parts])
-                if (jump := max(part.jump() for part in parts)) > AGREES * size:
-                    raise ValueError(f"a loop jumps by {jump:.3g} where it has no edge")
-                off = _off(parts, arrays["uv"][mine], xyz[mine])
-                if off > AGREES * size + 2.0 * float(row["bound"]):
-                    raise ValueError(f"its surface is {off:.3g} from OpenCASCADE's")
+                mine = uses[begin:end], arrays["uv"][begin:end], xyz[begin:end]
+                found, points = _surfaces(row, gap, arrays["numbers"], *mine)
             except (ValueError, TypeError) as error:
-                found, reason = [], text_of(error)
-        built.append(found)
-        reasons.append(reason or f"no class for a face of kind {kind!r}")
-        bounds.append(points)
-    return built, reasons, bounds
+                reason = text_of(error)
+        built.append(_Built(found, reason, points))
+    return built
+
+
+def _surfaces(
+    row: Any, gap: float, numbers: FloatArray, uses: NDArray[Any], uv: FloatArray, xyz: FloatArray
+) -> tuple[list[Surface], FloatArray]:
+    """Return the surfaces of a face, compared with OpenCASCADE's, and points of it."""
+    kind, own, bound = KINDS[row["kind"]], numbers[row["at"] :], float(row["bound"])
+    if kind == "mesh":
+        n, m = row["size"][:2].tolist()
+        sides = own[3 * n : 3 * (n + m)].reshape(m, 3).astype(np.int64)
+        mesh = TriangleMesh(_Triangles(own[: 3 * n].reshape(n, 3), sides))  # type: ignore[arg-type]
+        return [mesh.flipped() if row["reversed"] else mesh], mesh.vertices
+    size = float(np.ptp(xyz.reshape(-1, 3), axis=0).max(initial=0.0))
+    gap = max(edges_of.BETWEEN * gap, LEAST_GAP * size) + bound
+    face = Raw(
+        kind, bool(row["reversed"]), row["size"].tolist(), own, _wires(uses, numbers, xyz), gap
+    )
+    parts = parts_of(face)
+    found: list[Surface] = [part.trimmed(face) for part in parts]
+    if (jump := max(part.jump() for part in parts)) > AGREES * size:
+        raise ValueError(f"a loop jumps by {jump:.3g} where it has no edge")
+    if (off := _off(parts, uv, xyz)) > AGREES * size + 2.0 * bound:
+        raise ValueError(f"its surface is {off:.3g} from OpenCASCADE's")
+    return found, np.concatenate([part.extremes() for part in parts])
 
 
 @dataclass(frozen=True)

@@ -39,41 +39,38 @@ from OCP.TCollection import TCollection_AsciiString, TCollection_ExtendedString
 from OCP.TDataStd import TDataStd_Name
 from OCP.TDF import TDF_Label, TDF_Tool
 from OCP.TDocStd import TDocStd_Document
-from OCP.TopAbs import (
-    TopAbs_EDGE,
-    TopAbs_EXTERNAL,
-    TopAbs_FACE,
-    TopAbs_FORWARD,
-    TopAbs_IN,
-    TopAbs_INTERNAL,
-    TopAbs_REVERSED,
-    TopAbs_SHELL,
-    TopAbs_SOLID,
-    TopAbs_VERTEX,
-    TopAbs_WIRE,
-)
+from OCP.TopAbs import TopAbs_Orientation as Way
+from OCP.TopAbs import TopAbs_ShapeEnum as Kind
+from OCP.TopAbs import TopAbs_State as State
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Iterator, TopoDS_Shape, TopoDS_Solid
 from OCP.XCAFApp import XCAFApp_Application
 from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 
-from hybrid_rt.cad.records import (
-    ELLIPSE,
-    FACE,
-    HYPERBOLA,
-    INVENTED,
-    KINDS,
-    MM,
-    NAMES_OF_UNITS,
-    SAMPLES,
-    SPLINE,
-    USE,
-)
+from hybrid_rt.cad import records
+from hybrid_rt.cad.records import ELLIPSE, FACE, HYPERBOLA, KINDS, MM, SAMPLES, SPLINE, USE
 
 # Where parts of curves are compared with the whole. OpenCASCADE moves their ends to knots nearby (6e-7 was
 # seen); wrong ones are off by their size.
 CHECKS, WRONG = (0.03, 0.31, 0.52, 0.77, 0.99), 1e-5
+# Kinds of surfaces, with the methods that tell the sizes of elementary ones ("": none), and of conics.
+SURFACES: dict[str, tuple[str, ...]] = {
+    "Geom_Plane": ("plane", "", ""),
+    "Geom_CylindricalSurface": ("cylinder", "Radius", ""),
+    "Geom_ConicalSurface": ("cone", "RefRadius", "SemiAngle"),
+    "Geom_SphericalSurface": ("sphere", "", "Radius"),  # a torus about a point
+    "Geom_ToroidalSurface": ("torus", "MajorRadius", "MinorRadius"),
+    "Geom_SurfaceOfRevolution": ("revolution",),
+    "Geom_SurfaceOfLinearExtrusion": ("extrusion",),
+    "Geom_BezierSurface": ("bezier",),
+    "Geom_BSplineSurface": ("bspline",),
+}
+CONICS = {
+    "Circle": (ELLIPSE, "Radius", "Radius"),
+    "Ellipse": (ELLIPSE, "MajorRadius", "MinorRadius"),
+    "Hyperbola": (HYPERBOLA, "MajorRadius", "MinorRadius"),
+}
 
 
 class RefusedFileError(Exception):
@@ -115,7 +112,7 @@ def _unit_of(reader: Any, *, is_step: bool) -> str:
     else:
         given = reader.IGESModel().GlobalSection().UnitName()
         name = "mm" if given is None else given.ToCString().lower()
-    return NAMES_OF_UNITS.get(name, "mm")
+    return records.NAMES_OF_UNITS.get(name, "mm")
 
 
 def _read_brep(path: str, document: Any) -> None:
@@ -137,8 +134,8 @@ class Extraction:
         self.faces: list[tuple[Any, ...]] = []
         self.uses: list[tuple[Any, ...]] = []
         self.numbers: list[NDArray[np.float64]] = []
-        self.uv: list[list[tuple[float, float]]] = []
-        self.xyz: list[list[tuple[float, float, float]]] = []
+        self.uv: list[Any] = []
+        self.xyz: list[Any] = []
         self.wires = self.points = self.n_numbers = self.n_edges = 0
         self._shape_of: dict[str, int] = {}
 
@@ -147,8 +144,8 @@ class Extraction:
         labels, place = Sequence_TDF_Label(), gp_Trsf()
         place.SetScaleFactor(scale)
         self.shape_tool.GetFreeShapes(labels)
-        for k in range(1, labels.Length() + 1):
-            self._walk(labels.Value(k), place, [], None)
+        for label in labels:
+            self._walk(label, place, [], None)
 
     def _walk(self, label: Any, place: Any, path: list[str], color: list[float] | None) -> None:
         tool, name = self.shape_tool, _name_of(label)
@@ -162,8 +159,8 @@ class Extraction:
         if tool.IsAssembly_s(label):
             parts = Sequence_TDF_Label()
             tool.GetComponents_s(label, parts, False)
-            for k in range(1, parts.Length() + 1):
-                self._walk(parts.Value(k), place, path, color)
+            for part in parts:
+                self._walk(part, place, path, color)
             return
         entry = TCollection_AsciiString()
         TDF_Tool.Entry_s(label, entry)
@@ -195,27 +192,27 @@ class Extraction:
             shape = sewing.SewedShape()
         number, edges, first = len(self.shapes), Map(), len(self.faces)
         colors: list[tuple[Any, list[float] | None]] = []
-        for solid in _found(shape, TopAbs_SOLID):
-            colors += [(face, self._color(solid)) for face in _found(solid, TopAbs_FACE)]
+        for solid in _found(shape, Kind.TopAbs_SOLID):
+            colors += [(face, self._color(solid)) for face in _found(solid, Kind.TopAbs_FACE)]
         in_solids = Map()
         for face, _ in colors:
             in_solids.Add(face)
-        colors += [(f, None) for f in _found(shape, TopAbs_FACE) if not in_solids.Contains(f)]
+        colors += [(f, None) for f in _found(shape, Kind.TopAbs_FACE) if not in_solids.Contains(f)]
         flips = _inside_out(shape)
         for face, of_solid in colors:
             color = self._color(face) or of_solid
             self._take_face(face, number, color, edges, flips)
         self.n_edges += edges.Extent()
         self.shapes.append({"name": name, "faces": [first, len(self.faces)]})
-        self.wires += sum(1 for e in _found(shape, TopAbs_EDGE, TopAbs_FACE))
-        self.points += sum(1 for e in _found(shape, TopAbs_VERTEX, TopAbs_EDGE))
+        self.wires += sum(1 for e in _found(shape, Kind.TopAbs_EDGE, Kind.TopAbs_FACE))
+        self.points += sum(1 for e in _found(shape, Kind.TopAbs_VERTEX, Kind.TopAbs_EDGE))
 
     def _take_face(
         self, shape: Any, number: int, color: list[float] | None, edges: Any, flips: Any
     ) -> None:
         face = TopoDS.Face(shape)
-        is_reversed = (face.Orientation() == TopAbs_REVERSED) != flips.Contains(face)
-        forward = TopoDS.Face(face.Oriented(TopAbs_FORWARD))
+        is_reversed = (face.Orientation() == Way.TopAbs_REVERSED) != flips.Contains(face)
+        forward = TopoDS.Face(face.Oriented(Way.TopAbs_FORWARD))
         kind, bound, reason, surface = "other", 0.0, "", None
         size: list[int] = []
         numbers: list[Any] = []
@@ -257,26 +254,26 @@ class Extraction:
             else:
                 surface, bound = self._approximated(face, surface)
             name = type(surface).__name__
-        kind = name.removeprefix("Geom_").removesuffix("Surface").removeprefix("SurfaceOf").lower()
-        kind = {"conical": "cone", "cylindrical": "cylinder", "spherical": "sphere"}.get(kind, kind)
-        kind = {"toroidal": "torus", "linearextrusion": "extrusion"}.get(kind, kind)
-        if kind in ("plane", "cylinder", "cone", "sphere", "torus"):
-            return kind, [], [_frame(surface.Position()), _radii(surface, kind)], 0.0, given
+        kind, *radii = SURFACES.get(name, ("other",))
+        if radii:
+            sizes = [getattr(surface, radius)() if radius else 0.0 for radius in radii]
+            return kind, [], [_frame(surface.Position()), sizes], 0.0, given
         if kind == "bezier":
             # Of its parameters 0 to 1 nothing changes.
             surface = GeomConvert.SurfaceToBSplineSurface_s(surface)
         if kind in ("bezier", "bspline"):
             kind = "offset" if bound else kind
             return kind, *_net_of(surface), bound, given
+        if kind == "other":
+            raise RefusedFileError(f"its surface is a {name}", "other")
+        u, v = _range(face, "U"), _range(face, "V")
         if kind == "revolution":
-            axis = surface.Axis()
-            size, numbers = _profile(surface.BasisCurve(), *_range(face, v=True))
-            return kind, size, [_xyz(axis.Location()), _xyz(axis.Direction()), *numbers], 0.0, given
-        if kind == "extrusion":
-            size, numbers = _profile(surface.BasisCurve(), *_range(face, v=False))
-            ends = _range(face, v=True)
-            return kind, size, [_xyz(surface.Direction()), ends, *numbers], 0.0, given
-        raise RefusedFileError(f"its surface is a {name}", "other")
+            axis, along = surface.Axis(), v
+            head: list[Any] = [_coordinates(axis.Location()), _coordinates(axis.Direction())]
+        else:
+            along, head = u, [_coordinates(surface.Direction()), v]
+        size, numbers = _profile(surface.BasisCurve(), *along)
+        return kind, size, [*head, *numbers], 0.0, given
 
     def _approximated(self, face: Any, surface: Any) -> tuple[Any, float]:
         """Return a B-spline near an offset surface, and its distance as OpenCASCADE estimates it."""
@@ -284,7 +281,7 @@ class Extraction:
             raise RefusedFileError(
                 "an offset surface has no exact form: pass approximate=", "offset"
             )
-        u, v = _range(face, v=False), _range(face, v=True)
+        u, v = _range(face, "U"), _range(face, "V")
         part = Geom_RectangularTrimmedSurface(surface, *u, *v)
         near = GeomConvert_ApproxSurface(
             part, 0.5 * self.approximate, GeomAbs_C1, GeomAbs_C1, 14, 14, 400, 0
@@ -297,56 +294,27 @@ class Extraction:
 
     def _take_wires(self, face: Any, surface: Any, edges: Any) -> None:
         at, number = GeomAdaptor_Surface(surface), len(self.faces) - 1
-        wires = TopoDS_Iterator(face)
-        n = 0
-        while wires.More():
-            wire = wires.Value()
-            wires.Next()
-            if wire.ShapeType() != TopAbs_WIRE:
-                continue
-            for edge in self._in_order(TopoDS.Wire(wire), face):
+        for n, wire in enumerate(_stored(face, Kind.TopAbs_WIRE)):
+            for edge in _in_order(TopoDS.Wire(wire), face):
                 curve = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
-                if curve is None:
-                    self._refuse("an edge has no curve in the (u, v) of the face")
-                    continue
                 first, last = BRep_Tool.Range_s(edge, face)
-                is_back = edge.Orientation() == TopAbs_REVERSED
+                is_back = edge.Orientation() == Way.TopAbs_REVERSED
                 try:
                     degree, points, weights, knots = _curve2(curve, first, last, is_back)
                 except RefusedFileError as error:
-                    self._refuse(error.args[0])
+                    *row, before = self.faces[-1]
+                    self.faces[-1] = (*row, before or error.args[0])
                     continue
                 self.uses.append((
                     number, n, edges.Add(edge) + self.n_edges - 1, BRep_Tool.Degenerated_s(edge),
                     is_back, BRep_Tool.Tolerance_s(edge), _corner(edge), degree, len(points),
-                    weights is not None,
-                    self._keep([points, [] if weights is None else weights, knots]),
+                    len(weights) > 0, self._keep([points, weights, knots]),
                 ))  # fmt: skip
-                uv = [curve.Value(t) for t in np.linspace(first, last, SAMPLES).tolist()]
-                self.uv.append([(p.X(), p.Y()) for p in uv])
-                self.xyz.append([_xyz(at.Value(*place)) for place in self.uv[-1]])
-            n += 1
-
-    def _refuse(self, reason: str) -> None:
-        """Note why the last face is not taken."""
-        *row, before = self.faces[-1]
-        self.faces[-1] = (*row, before or reason)
-
-    def _in_order(self, wire: Any, face: Any) -> list[Any]:
-        """Return the edges of a wire as it runs; as they are stored where the explorer loses some."""
-        stored, explorer, found = TopoDS_Iterator(wire), BRepTools_WireExplorer(wire, face), []
-        while explorer.More():
-            found.append(explorer.Current())
-            explorer.Next()
-        every = []
-        while stored.More():
-            edge = stored.Value()
-            stored.Next()
-            if edge.ShapeType() == TopAbs_EDGE and edge.Orientation() not in (
-                TopAbs_INTERNAL, TopAbs_EXTERNAL,
-            ):  # fmt: skip
-                every.append(TopoDS.Edge(edge))
-        return found if len(found) == len(every) else every
+                uv = [
+                    _coordinates(curve.Value(t)) for t in np.linspace(first, last, SAMPLES).tolist()
+                ]
+                self.uv.append(uv)
+                self.xyz.append([_coordinates(at.Value(*place)) for place in uv])
 
     def save(self, out: str, unit: str) -> None:
         """Write all of it."""
@@ -365,32 +333,50 @@ class Extraction:
         )
 
 
-def _found(shape: Any, kind: Any, avoided: Any = None) -> Iterator[Any]:
-    more = (
-        TopExp_Explorer(shape, kind) if avoided is None else TopExp_Explorer(shape, kind, avoided)
-    )
+def _each(more: Any, current: str = "Current") -> Iterator[Any]:
+    """Yield what an iterator of OpenCASCADE comes to."""
     while more.More():
-        yield more.Current()
+        yield getattr(more, current)()
         more.Next()
+
+
+def _found(shape: Any, *kinds: Any) -> Iterator[Any]:
+    """Yield the parts of one kind of a shape, but not those in parts of another."""
+    return _each(TopExp_Explorer(shape, *kinds))
+
+
+def _stored(shape: Any, kind: Any) -> Iterator[Any]:
+    """Yield the immediate parts of one kind."""
+    return (part for part in _each(TopoDS_Iterator(shape), "Value") if part.ShapeType() == kind)
+
+
+def _in_order(wire: Any, face: Any) -> list[Any]:
+    """Return the edges of a wire as it runs; as they are stored where the explorer loses some."""
+    found = list(_each(BRepTools_WireExplorer(wire, face)))
+    every = [
+        TopoDS.Edge(edge) for edge in _stored(wire, Kind.TopAbs_EDGE)
+        if edge.Orientation() not in (Way.TopAbs_INTERNAL, Way.TopAbs_EXTERNAL)
+    ]  # fmt: skip
+    return found if len(found) == len(every) else every
 
 
 def _inside_out(shape: Any) -> Any:
     """Return the faces of closed bodies whose normals point inward."""
     found = Map()
-    bodies = list(_found(shape, TopAbs_SOLID))
-    for shell in _found(shape, TopAbs_SHELL, TopAbs_SOLID):
+    bodies = list(_found(shape, Kind.TopAbs_SOLID))
+    for shell in _found(shape, Kind.TopAbs_SHELL, Kind.TopAbs_SOLID):
         if BRep_Tool.IsClosed_s(shell):
             solid = TopoDS_Solid()
             BRep_Builder().MakeSolid(solid)
             BRep_Builder().Add(solid, shell)
             bodies.append(solid)
     for body in bodies:
-        if not all(BRep_Tool.IsClosed_s(shell) for shell in _found(body, TopAbs_SHELL)):
+        if not all(BRep_Tool.IsClosed_s(shell) for shell in _found(body, Kind.TopAbs_SHELL)):
             continue
         test = BRepClass3d_SolidClassifier(body)
         test.PerformInfinitePoint(1e-6)
-        if test.State() == TopAbs_IN:
-            for face in _found(body, TopAbs_FACE):
+        if test.State() == State.TopAbs_IN:
+            for face in _found(body, Kind.TopAbs_FACE):
                 found.Add(face)
     return found
 
@@ -398,7 +384,8 @@ def _inside_out(shape: Any) -> Any:
 def _corner(edge: Any) -> float:
     """Return how far, by the file, the ends of an edge may be from where others go on."""
     return max(
-        (BRep_Tool.Tolerance_s(TopoDS.Vertex(v)) for v in _found(edge, TopAbs_VERTEX)), default=0.0
+        (BRep_Tool.Tolerance_s(TopoDS.Vertex(v)) for v in _found(edge, Kind.TopAbs_VERTEX)),
+        default=0.0,
     )
 
 
@@ -409,36 +396,23 @@ def _name_of(label: Any) -> str:
     name = TDataStd_Name()
     label.FindAttribute(identity, name)
     text = name.Get().ToExtString()
-    return "" if text.upper() in INVENTED or text.startswith("=>[") else text
+    return "" if text.upper() in records.INVENTED or text.startswith("=>[") else text
 
 
-def _xyz(point: Any) -> tuple[float, float, float]:
-    return point.X(), point.Y(), point.Z()
+def _coordinates(point: Any) -> Any:
+    """Return the two or three coordinates of a point or direction."""
+    return point.Coord()
 
 
-def _frame(place: Any) -> list[tuple[float, float, float]]:
+def _frame(place: Any) -> list[tuple[float, ...]]:
     parts = place.Location(), place.XDirection(), place.YDirection(), place.Direction()
-    return [_xyz(part) for part in parts]
+    return [_coordinates(part) for part in parts]
 
 
-def _radii(surface: Any, kind: str) -> list[float]:
-    if kind == "plane":
-        return [0.0, 0.0]
-    if kind == "cone":
-        return [surface.RefRadius(), surface.SemiAngle()]
-    if kind == "torus":
-        return [surface.MajorRadius(), surface.MinorRadius()]
-    return [surface.Radius(), 0.0]
-
-
-def _range(face: Any, *, v: bool) -> list[float]:
-    """Return where the trimmed part of a face begins and ends in u, or in v."""
+def _range(face: Any, way: str) -> list[float]:
+    """Return where the trimmed part of a face begins and ends in "U", or in "V"."""
     at = BRepAdaptor_Surface(face, True)
-    return (
-        [at.FirstVParameter(), at.LastVParameter()]
-        if v
-        else [at.FirstUParameter(), at.LastUParameter()]
-    )
+    return [getattr(at, f"{end}{way}Parameter")() for end in ("First", "Last")]
 
 
 def _net_of(spline: Any) -> tuple[list[int], list[Any]]:
@@ -449,17 +423,21 @@ def _net_of(spline: Any) -> tuple[list[int], list[Any]]:
         spline.SetVNotPeriodic()
     n, m = spline.NbUPoles(), spline.NbVPoles()
     poles = spline.Poles()
-    points = [[_xyz(poles.Value(i, j)) for j in range(1, m + 1)] for i in range(1, n + 1)]
-    numbers: list[Any] = [points]
+    at = [(i, j) for i in range(1, n + 1) for j in range(1, m + 1)]
     is_rational = spline.IsURational() or spline.IsVRational()
-    if is_rational:
-        numbers.append([[spline.Weight(i, j) for j in range(1, m + 1)] for i in range(1, n + 1)])
-    numbers += [_row(spline.UKnotSequence()), _row(spline.VKnotSequence())]
-    return [spline.UDegree(), spline.VDegree(), n, m, int(is_rational)], numbers
+    return [spline.UDegree(), spline.VDegree(), n, m, int(is_rational)], [
+        [_coordinates(poles.Value(*k)) for k in at],
+        [spline.Weight(*k) for k in at] if is_rational else [],
+        list(spline.UKnotSequence()), list(spline.VKnotSequence()),
+    ]  # fmt: skip
 
 
-def _row(array: Any) -> list[float]:
-    return [array.Value(k) for k in range(array.Lower(), array.Upper() + 1)]
+def _poles(spline: Any) -> tuple[int, list[Any], list[float], list[float]]:
+    """Return degree, points, weights (none, if all are 1) and knots of a B-spline curve."""
+    each = range(1, spline.NbPoles() + 1)
+    weights = [spline.Weight(k) for k in each] if spline.IsRational() else []
+    points = [_coordinates(spline.Pole(k)) for k in each]
+    return spline.Degree(), points, weights, list(spline.KnotSequence())
 
 
 def _profile(curve: Any, first: float, last: float) -> tuple[list[int], list[Any]]:
@@ -467,48 +445,42 @@ def _profile(curve: Any, first: float, last: float) -> tuple[list[int], list[Any
     while type(curve).__name__ == "Geom_TrimmedCurve":
         curve = curve.BasisCurve()
     name = type(curve).__name__.removeprefix("Geom_")
-    if name in ("Circle", "Ellipse", "Hyperbola"):
-        radii = (
-            [curve.Radius()] * 2 if name == "Circle" else [curve.MajorRadius(), curve.MinorRadius()]
-        )
-        form = HYPERBOLA if name == "Hyperbola" else ELLIPSE
+    if name in CONICS:
+        form, *radii = CONICS[name]
+        radii = [getattr(curve, radius)() for radius in radii]
         return [form], [[first, last], _frame(curve.Position()), radii]
-    if name in ("Line", "Parabola"):
-        spline = GeomConvert.CurveToBSplineCurve_s(Geom_TrimmedCurve(curve, first, last))
-    elif name in ("BezierCurve", "BSplineCurve"):
-        spline = GeomConvert.CurveToBSplineCurve_s(curve)
-    else:
+    if name not in ("Line", "Parabola", "BezierCurve", "BSplineCurve"):
         raise RefusedFileError(f"its profile is a {name}", "other")
+    part = Geom_TrimmedCurve(curve, first, last) if name in ("Line", "Parabola") else curve
+    spline = GeomConvert.CurveToBSplineCurve_s(part)
     if spline.IsPeriodic():
         spline.SetNotPeriodic()
-    n = spline.NbPoles()
-    numbers = [[first, last], [_xyz(spline.Pole(k)) for k in range(1, n + 1)]]
-    if spline.IsRational():
-        numbers.append([spline.Weight(k) for k in range(1, n + 1)])
-    return [SPLINE, spline.Degree(), n, int(spline.IsRational())], [
-        *numbers, _row(spline.KnotSequence()),
-    ]  # fmt: skip
+    degree, points, weights, knots = _poles(spline)
+    return [SPLINE, degree, len(points), len(weights) > 0], [[first, last], points, weights, knots]
 
 
 def _curve2(
     curve: Any, first: float, last: float, is_back: bool
-) -> tuple[int, list[tuple[float, float]], list[float] | None, list[float]]:
+) -> tuple[int, list[Any], list[float], list[float]]:
     """Return degree, points, weights and knots of a curve of an edge, in the order in which its wire runs."""
+    if curve is None:
+        raise RefusedFileError("an edge has no curve in the (u, v) of the face")
     while type(curve).__name__ == "Geom2d_TrimmedCurve":
         curve = curve.BasisCurve()
     if type(curve).__name__ == "Geom2d_Line":
-        ends = [curve.Value(t) for t in ((last, first) if is_back else (first, last))]
-        return 1, [(p.X(), p.Y()) for p in ends], None, [0.0, 0.0, 1.0, 1.0]
+        ends = (last, first) if is_back else (first, last)
+        return 1, [_coordinates(curve.Value(t)) for t in ends], [], [0.0, 0.0, 1.0, 1.0]
     spline = _spline2(curve, first, last)
     if is_back:
         spline.Reverse()
-    n = spline.NbPoles()
-    points = [(p.X(), p.Y()) for p in (spline.Pole(k) for k in range(1, n + 1))]
     begin = curve.Value(last if is_back else first)
-    if spline.Pole(1).Distance(begin) > WRONG * max(1.0, abs(begin.X()), abs(begin.Y())):
+    if _is_off(spline.Pole(1), begin):
         raise RefusedFileError("a curve of an edge does not begin at its first control point")
-    weights = [spline.Weight(k) for k in range(1, n + 1)] if spline.IsRational() else None
-    return spline.Degree(), points, weights, _row(spline.KnotSequence())
+    return _poles(spline)
+
+
+def _is_off(point: Any, right: Any) -> bool:
+    return bool(point.Distance(right) > WRONG * max(1.0, *map(abs, right.Coord())))
 
 
 def _spline2(curve: Any, first: float, last: float) -> Any:
@@ -526,8 +498,7 @@ def _spline2(curve: Any, first: float, last: float) -> Any:
             spline.SetNotPeriodic()
     for share in CHECKS if is_spline else ():
         t = first + share * (last - first)
-        a, b = spline.Value(t), curve.Value(t)
-        if a.Distance(b) > WRONG * max(1.0, abs(b.X()), abs(b.Y())):
+        if _is_off(spline.Value(t), curve.Value(t)):
             raise RefusedFileError("OpenCASCADE cuts a curve of an edge wrongly")
     return spline
 
@@ -539,7 +510,7 @@ def _triangles_of(face: Any) -> tuple[list[int], list[Any]]:
     if mesh is None:
         raise RefusedFileError("it has neither a surface nor triangles", "other")
     moved = place.Transformation()
-    points = [_xyz(mesh.Node(k).Transformed(moved)) for k in range(1, mesh.NbNodes() + 1)]
+    points = [_coordinates(mesh.Node(k).Transformed(moved)) for k in range(1, mesh.NbNodes() + 1)]
     sides = [
         [mesh.Triangle(k).Value(i) - 1 for i in (1, 2, 3)] for k in range(1, mesh.NbTriangles() + 1)
     ]
@@ -563,9 +534,10 @@ def main(path: str, out: str, options: str) -> int:
             )
         found.save(out, unit)
     except RefusedFileError as error:
-        sys.stdout.write(f"\n{error.args[0]}")  # OpenCASCADE may have said something before
-        return 4
+        reason = error.args[0]
     except MemoryError:
-        sys.stdout.write("\nneeds more memory to read than gigabytes= allows")
-        return 4
-    return 0
+        reason = "needs more memory to read than gigabytes= allows"
+    else:
+        return 0
+    sys.stdout.write(f"\n{reason}")  # OpenCASCADE may have said something before
+    return 4

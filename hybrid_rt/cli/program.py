@@ -242,11 +242,11 @@ def _run_render(options: argparse.Namespace) -> int:
 
 def _scene_of_part(file: Path) -> tuple[Scene, str]:
     """Return a scene of a CAD file, and its integrator."""
-    from hybrid_rt.cli import cad
+    from hybrid_rt.cli.cad import read
     from hybrid_rt.integrators import DEFAULT
 
     reading = argparse.Namespace(unit="file", sew=None, approximate=None)
-    return cad.read(reading, file).scene(), DEFAULT
+    return read(reading, file).scene(), DEFAULT
 
 
 def _run_compare(options: argparse.Namespace) -> None:

@@ -11,18 +11,21 @@ import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO, TypeAlias
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.cli import cad
+from hybrid_rt.cli.cad import add_reading, read
 from hybrid_rt.cli.command import one_or_more, say
 from hybrid_rt.cli.options import add_progress_options
 from hybrid_rt.cli.render import shown_progress
 from hybrid_rt.core.records import HitRecord
 from meshing.checks import FloatArray
 from meshing.outputs import check_writable, replacing
+
+if TYPE_CHECKING:
+    from hybrid_rt.cad.model import CadModel
 
 DESCRIPTION = """\
 Trace rays of a .npy file at a CAD file, a mesh or Bezier patches, and write their first hits.
@@ -50,7 +53,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, required=True, metavar="HITS", help=".npz, .csv or .parquet"
     )
-    cad.add_reading(parser)
+    add_reading(parser)
     parser.add_argument("--threads", type=one_or_more)
     add_progress_options(parser)
     parser.add_argument("--piece", type=one_or_more, default=PIECE, help=f"rays a piece ({PIECE})")
@@ -62,7 +65,7 @@ def run(options: argparse.Namespace) -> None:
 
     _check_out(options.out)
     rays = _as_rays(options.rays)
-    surfaces, face_of = surfaces_of(options)
+    surfaces, model = surfaces_of(options)
     tracer = Intersector(surfaces, coarse="none", threads=options.threads)
     n, n_hit, n_edge = len(rays), 0, 0
     with shown_progress(options.progress) as progress, _writer(options.out, n) as write:
@@ -72,7 +75,7 @@ def run(options: argparse.Namespace) -> None:
                 hits = tracer.intersect(piece[:, :3], piece[:, 3:])
             except ValueError as error:
                 raise ValueError(f"{options.rays}, rays from {begin} on: {error}") from None
-            columns = _columns(hits, face_of)
+            columns = _columns(hits, model)
             write(begin, columns)
             n_hit += int(hits.hit.sum())
             n_edge += int(columns["edge"].sum())
@@ -81,14 +84,14 @@ def run(options: argparse.Namespace) -> None:
     say(f"{options.out}  ({n:,} rays, {n_hit:,} hit, {n_edge:,} of them within the gap of an edge)")
 
 
-def surfaces_of(options: argparse.Namespace) -> tuple[list[Any], NDArray[np.int32] | None]:
-    """Return the surfaces of a file, and of a CAD file the face of each."""
+def surfaces_of(options: argparse.Namespace) -> tuple[list[Any], CadModel | None]:
+    """Return the surfaces of a file, and of a CAD file the model."""
     from hybrid_rt.cad.process import SUFFIXES
 
     file = options.file
     if file.suffix.lower() in SUFFIXES:
-        model = cad.read(options, file)
-        return model.surfaces, model.face_of
+        model = read(options, file)
+        return model.surfaces, model
     if file.suffix.lower() == ".bpt":
         from meshing import BezierPatches
 
@@ -122,13 +125,13 @@ def _as_rays(file: Path) -> FloatArray:
     return found
 
 
-def _columns(hits: HitRecord, face_of: NDArray[np.int32] | None) -> Columns:
-    """Return the columns of a table; ``face`` is that of the CAD file, -1 on a miss."""
+def _columns(hits: HitRecord, model: CadModel | None) -> Columns:
+    """Return the columns of a table; ``face`` and ``part`` are those of the CAD file, -1 on a miss."""
     columns = hits.columns()
-    if face_of is None:
+    if model is None:
         return columns
-    face = np.where(hits.hit, face_of[hits.object_id], -1).astype(np.int32)
-    return {"t": columns.pop("t"), "face": face, **columns}
+    owners = {"face": model.face_at(hits), "part": model.part_at(hits)}
+    return {"t": columns.pop("t"), **owners, **columns}
 
 
 def _check_out(out: Path) -> None:

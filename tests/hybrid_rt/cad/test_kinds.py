@@ -39,7 +39,8 @@ def every_kind(model_of_all):
 
 
 def surfaces_of(model, part):
-    mine = (model.face_of >= part.faces.start) & (model.face_of < part.faces.stop)
+    face = model.owners.face[model.owners.first_patch[:-2]]
+    mine = (face >= part.faces.start) & (face < part.faces.stop)
     return [model.surfaces[i] for i in np.flatnonzero(mine)]
 
 
@@ -101,7 +102,7 @@ def test_crossings_at_edges_are_paired(every_kind):
     crossings = Intersector(model.surfaces, coarse="none").intersect_all(origins, ways)
     paired, is_paired = model.paired(crossings)
     assert is_paired.all()
-    mine = model.faces["part"][model.face_of[paired.hits.object_id]] == k
+    mine = model.part_at(paired.hits) == k
     assert (np.bincount(paired.ray[mine], minlength=n) % 2 == 0).all()
     # Outside of the band nothing is left out.
     left_out = len(crossings) - len(paired)

@@ -57,7 +57,7 @@ def test_rays_of_a_file_are_traced_in_pieces(part, rays, tmp_path, capsys):
     assert f"1,000 rays, {hits.hit.sum()} hit" in capsys.readouterr().out
     with np.load(out) as found:
         assert (found["t"] == hits.t).all()  # the same bits, in whatever pieces
-        assert (found["face"][hits.hit] == model.face_of[hits.object_id[hits.hit]]).all()
+        assert (found["face"][hits.hit] == model.face_at(hits)[hits.hit]).all()
         assert (found["face"][~hits.hit] == -1).all()
     assert main(["rays", str(part), str(rays), "--out", str(table), "--piece", "999"]) == 0
     lines = list(csv.DictReader(table.read_text().splitlines()))
