@@ -42,7 +42,7 @@ NEARLY_WHOLE = 0.98
 # A profile is in one plane with its axis, and borders of a spline meet, up to this of its size.
 IN_PLANE, MEETING = 1e-10, 1e-12
 # Radii up to this part of a profile are on its axis.
-NEEDLE = 1e-7
+NEARLY_ZERO = 1e-7
 # Points along u and v by which the box of a face is found.
 GRID = 33
 # Arcs of conics are at most so long, in radians (or in the hyperbolic angle).
@@ -114,7 +114,7 @@ class Part:
         farthest, along = 0.0, np.linspace(0.0, 1.0, 5)[:, None]
         for arc in (arc for loop in self.loops for arc in loop if arc.ends is None):
             begin, way = arc.points[0], arc.points[1] - arc.points[0]
-            if np.abs(way).max() > NEEDLE:
+            if np.abs(way).max() > NEARLY_ZERO:
                 at = self.point(*np.clip(self.unit(begin + along * way, moved=True), 0.0, 1.0))
                 far = float(np.linalg.norm(at - at[0], axis=1).max())
                 farthest = max(farthest, far - 2 * arc.reach)
@@ -126,7 +126,7 @@ class Part:
         native = [uv[:, 0], sign * uv[:, 1] + shift]
         for k, (period, axis) in enumerate(zip(self.periods, self.axes, strict=True)):
             if period:
-                lowest = axis.native[0] - NEEDLE
+                lowest = axis.native[0] - NEARLY_ZERO
                 native[k] = lowest + (native[k] - lowest) % period
         return self.axes[0].to_unit(native[0]), self.axes[1].to_unit(native[1])
 
@@ -348,7 +348,7 @@ def _turned(
     found = []
     for side, run in runs:
         largest = max(float(s.points[:, 1].max()) for s in run)
-        if largest <= NEEDLE * size:
+        if largest <= NEARLY_ZERO * size:
             continue  # where a profile that ends at the axis goes beyond it
         u, part = _turn(loops, face.gap / largest)
         weights = [s.weights for s in run]
@@ -369,7 +369,7 @@ def _cut_at_axis(s: Segment) -> list[Segment]:
     radii = s.points[:, 1]
     if not radii[0] * radii[-1] < 0.0:
         return [s]
-    if min(abs(radii[0]), abs(radii[-1])) <= NEEDLE * np.abs(radii).max():
+    if min(abs(radii[0]), abs(radii[-1])) <= NEARLY_ZERO * np.abs(radii).max():
         points = s.points.copy()  # it was meant to end there
         points[0 if abs(radii[0]) < abs(radii[-1]) else -1, 1] = 0.0
         return [replace(s, points=points)]
