@@ -27,6 +27,8 @@ from meshing.revolution import SurfaceOfRevolution
 RING_BASES = (4, 5, 6, 7)
 MAX_RING_DOUBLINGS = 17
 HALF_ULP = 2.0**-53
+# Radii up to this part of the largest count as poles.
+POLE = 2.0**-40
 # Digits that are kept of a tolerance.
 TARGET_STEPS = 2.0**12
 
@@ -75,8 +77,10 @@ class _Piece:
         return min(meridian + along, legs)
 
     def cells(self, base: int, target: float) -> int:
-        """Return the number of cells around that meets the target; 0: none does."""
-        if self.vv > 8.0 * target:
+        """Return the number of cells around that meets the target; 0: none does, or none is a triangle."""
+        radii = self.points[:, 1]
+        is_between_poles = max(radii[0], radii[-1]) <= POLE * radii.max()
+        if is_between_poles or self.vv > 8.0 * target:
             return 0
         n = base
         while self.deviation(n) > target:

@@ -67,6 +67,8 @@ def _cut_square(surface: Surface, tolerance: float, max_triangles: int) -> Cut:
     uu, uv, vv = surface.bend
     # Cells that close on themselves have different corners.
     m, n = (4 if closed else 1 for closed in surface.closes)
+    if seams.is_collapsed[2:4].all():  # from pole to pole there is no triangle
+        n = max(n, 2)
     target = max(tolerance - slack, slack)
     while (bound := (uu / m**2 + 2.0 * uv / (m * n) + vv / n**2) / 8.0) > target:
         if max(m, n) == 1 << MAX_DEPTH or 2.0 * m * n > max_triangles:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections import Counter
 from collections.abc import Sequence
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from hybrid_rt.materials.material import Material
     from hybrid_rt.scene.scene import Scene
 
+LOG = logging.getLogger(__name__)
 EXACT, APPROXIMATED, REFUSED, MESH = "exact", "approximated", "refused", "mesh"
 FACE = np.dtype([
     ("shape", "i4"), ("kind", "U10"), ("exactness", "U12"), ("bound", "f8"), ("gap_measured", "f8"),
@@ -285,6 +287,11 @@ def read_cad(
     )
     arrays = arrays_of(file, options, *limits)
     model = _model_of(arrays)
+    if number_open := model.report["open_solids"]:
+        LOG.warning(
+            "CAD file %r: %d of its solids are not closed: faces are missing in the file, or OpenCASCADE could not "
+            "read them (%d edges have a single face)", str(file), number_open, model.report["free_edges"],
+        )  # fmt: skip
     if refuse == "error" and (refused := model.report["refused"]):
         named = "; ".join(f"face {r['face']} ({r['kind']}): {r['reason']}" for r in refused[:NAMED])
         raise ValueError(
@@ -323,7 +330,7 @@ def _model_of(arrays: dict[str, Any]) -> CadModel:
     gap = shared.gap * scale[shared.face[:, 0]]
     report = {
         "unit": head["unit"], "parts": len(parts), "shapes": len({part.shape for part in parts}),
-        "closed_parts": sum(part.is_closed for part in parts),
+        "closed_parts": sum(part.is_closed for part in parts), "open_solids": head["open_solids"],
         "faces": {kind: dict(of) for kind, of in counts.items()},
         "gaps": [
             {"gap": float(gap[e]), "faces": shared.face[e].tolist(),

@@ -8,6 +8,7 @@ and samples of these.
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -136,7 +137,7 @@ class Extraction:
         self.numbers: list[NDArray[np.float64]] = []
         self.uv: list[Any] = []
         self.xyz: list[Any] = []
-        self.wires = self.points = self.n_numbers = self.n_edges = 0
+        self.wires = self.points = self.n_numbers = self.n_edges = self.solids = 0
         self._shape_of: dict[str, int] = {}
 
     def run(self, scale: float) -> None:
@@ -204,6 +205,7 @@ class Extraction:
             self._take_face(face, number, color, edges, flips)
         self.n_edges += edges.Extent()
         self.shapes.append({"name": name, "faces": [first, len(self.faces)]})
+        self.solids += sum(1 for _ in _found(shape, Kind.TopAbs_SOLID))
         self.wires += sum(1 for e in _found(shape, Kind.TopAbs_EDGE, Kind.TopAbs_FACE))
         self.points += sum(1 for e in _found(shape, Kind.TopAbs_VERTEX, Kind.TopAbs_EDGE))
 
@@ -316,11 +318,11 @@ class Extraction:
                 self.uv.append(uv)
                 self.xyz.append([_coordinates(at.Value(*place)) for place in uv])
 
-    def save(self, out: str, unit: str) -> None:
-        """Write all of it."""
+    def save(self, out: str, unit: str, solids: int) -> None:
+        """Write all of it; the file speaks of so many solids."""
         head = {
             "unit": unit, "mm": MM[unit], "shapes": self.shapes, "placed": self.placed,
-            "wires": self.wires, "points": self.points,
+            "wires": self.wires, "points": self.points, "open_solids": max(solids - self.solids, 0),
         }  # fmt: skip
         np.savez(
             out,
@@ -517,6 +519,15 @@ def _triangles_of(face: Any) -> tuple[list[int], list[Any]]:
     return [len(points), len(sides)], [points, sides]
 
 
+def _solids_named(path: str) -> int:
+    """Return how many solids a STEP file speaks of; those that are not closed come as shells."""
+    if not path.lower().endswith((".stp", ".step")):
+        return 0
+    return len(
+        re.findall(rb"=\s*(?:MANIFOLD_SOLID_BREP|BREP_WITH_VOIDS)\s*\(", Path(path).read_bytes())
+    )
+
+
 def main(path: str, out: str, options: str) -> int:
     """Read a file, write arrays; return the exit code: 4 with a reason on the standard output."""
     wanted = json.loads(options)
@@ -532,7 +543,7 @@ def main(path: str, out: str, options: str) -> int:
             raise RefusedFileError(
                 f"holds no faces ({found.wires} wires, {found.points} points outside faces)"
             )
-        found.save(out, unit)
+        found.save(out, unit, _solids_named(path))
     except RefusedFileError as error:
         reason = error.args[0]
     except MemoryError:

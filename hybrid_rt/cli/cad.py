@@ -48,8 +48,8 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def read(options: argparse.Namespace, file: Path) -> CadModel:
-    """Return the model of a file; what is refused is left out, and said."""
+def read(options: argparse.Namespace, file: Path, *, is_traced: bool = True) -> CadModel:
+    """Return the model of a file; what is refused is left out, and said. To be traced it needs faces."""
     from hybrid_rt.cad.model import read_cad
 
     model = read_cad(
@@ -61,12 +61,14 @@ def read(options: argparse.Namespace, file: Path) -> CadModel:
             f"{file}: {len(refused)} of {len(model.faces)} faces are left out; face {first['face']} "
             f"({first['kind']}): {first['reason']}"
         )
+    if is_traced and not model.surfaces:
+        raise ValueError(f"CAD file {str(file)!r}: no face is left to meet: hybrid-rt cad says why")
     return model
 
 
 def run(options: argparse.Namespace) -> None:
     """Print what a file holds."""
-    model = read(options, options.file)
+    model = read(options, options.file, is_traced=False)
     if options.json:
         from hybrid_rt.core.plain_records import as_json
 

@@ -92,6 +92,8 @@ def surfaces_of(options: argparse.Namespace) -> tuple[list[Any], CadModel | None
     if file.suffix.lower() in SUFFIXES:
         model = read(options, file)
         return model.surfaces, model
+    if (options.unit, options.sew, options.approximate) != ("file", None, None):
+        raise ValueError(f"{file} is no CAD file: leave out --unit, --sew and --approximate")
     if file.suffix.lower() == ".bpt":
         from meshing import BezierPatches
 

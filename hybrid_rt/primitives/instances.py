@@ -24,12 +24,12 @@ MOST_SHINING = 2**16
 class Instances(Surface):
     """One surface, or several, in many places.
 
-    All places share the tables by which rays meet the surfaces: a place takes its matrix, 96 bytes, and its
-    share of a tree, some 60. Rays meet what `Surface.transformed` would give, but no image is made, and
+    All places share the tables by which rays meet the surfaces: a place takes its matrix and its share
+    of a tree, some 130 bytes. Rays meet what `Surface.transformed` would give, but no image is made, and
     matrices are not rounded once more.
 
     A place of a reflection has the normals of an image by `Surface.transformed`: along S_u x S_v, so those of
-    a closed surface point inward. For glass, pass reflections of a surface that is flipped, as an object of
+    a closed surface point inward, those of a `Box`, too. For glass, pass reflections of a surface that is flipped, as an object of
     its own.
 
     Parameters

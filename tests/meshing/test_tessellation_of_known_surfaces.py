@@ -150,3 +150,19 @@ def test_flipping_reverses_normals(teapot):
 def test_bad_nets_are_refused(control, message):
     with pytest.raises(ValueError, match=message):
         BezierPatches(control)
+
+
+@pytest.mark.parametrize(
+    ("profile", "tolerance"),
+    [([(0, 0), (5, 0.1), (10, 0)], 0.2), ([(0, 0), (0, 1), (2, 1), (2, 0)], 5.0)],
+    ids=["spindle", "bowl"],
+)
+def test_a_body_between_two_poles_has_triangles_at_any_tolerance(profile, tolerance):
+    """Leaves from pole to pole have only two corners in space."""
+    body = SurfaceOfRevolution([profile], (0, 0, 0), (0, 0, 1))
+    mesh = tessellate(body, tolerance)
+    assert mesh.mesh.is_watertight
+    assert np.ptp(mesh.vertices[mesh.faces], axis=(0, 1))[2] == profile[-1][0]
+    u, v = np.random.default_rng(3).random((2, 2000))
+    away = np.linalg.norm(body.point(u, v)[:, None] - mesh.vertices[np.unique(mesh.faces)], axis=2)
+    assert away.min(axis=1).max() <= mesh.deviation_bound + profile[-1][0] / 2

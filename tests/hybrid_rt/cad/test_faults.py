@@ -1,8 +1,10 @@
 """Files that are wrong, and a child process that fails: one sentence each, and no harm."""
 
 import os
+import re
 import signal
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from hybrid_rt.cad import edges, process
 from hybrid_rt.cad.loops import Arc, RefusedFaceError, closed_loops
 from hybrid_rt.cad.records import USE
 
+DATA = Path(__file__).parents[2] / "data"
 STEP = b"ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\n#1=CARTESIAN_POINT('',(0.,0.,0.));\nENDSEC;\nEND-ISO-10303-21;\n"
 
 
@@ -134,3 +137,16 @@ def test_gaps_are_measured_across_the_edge():
     assert found.gap[0] == pytest.approx(0.01, abs=1e-4)
     assert found.face.tolist() == [[0, 1]]
     assert found.n_free.tolist() == [0, 0]
+
+
+def test_a_solid_that_lacks_a_face_is_named(tmp_path, caplog):
+    whole = (DATA / "nist_ftc_11_asme1_rb.stp").read_text("latin-1")
+    file = tmp_path / "lost.stp"
+    file.write_text(re.sub(r"#163=ADVANCED_FACE[^;]*;", "", whole, count=1), "latin-1")
+    assert len(read_cad(file).faces) == 5
+    (record,) = caplog.records
+    assert "1 of its solids are not closed" in record.getMessage()
+    assert "lost.stp" in record.getMessage()
+    caplog.clear()
+    assert read_cad(DATA / "nist_ftc_11_asme1_rb.stp").parts[0].is_closed
+    assert not caplog.records

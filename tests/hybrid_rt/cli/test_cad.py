@@ -93,3 +93,11 @@ def test_a_picture_is_made_at_once(part, tmp_path):
     arguments = ["render", str(part), "--passes", "1", "--width", "48", "--height", "36", "--quiet"]
     assert main([*arguments, "--out", str(out)]) == 0
     assert out.stat().st_size > 500
+
+
+def test_options_for_cad_files_are_refused_for_others(rays, tmp_path, capsys):
+    (tmp_path / "part.stl").write_bytes(b"solid\nendsolid\n")
+    out = str(tmp_path / "hits.npz")
+    args = ["rays", str(tmp_path / "part.stl"), str(rays), "--out", out, "--unit", "inch"]
+    assert main(args) == 2
+    assert "is no CAD file: leave out --unit" in capsys.readouterr().err
