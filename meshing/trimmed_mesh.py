@@ -517,10 +517,14 @@ def _without_pairs(chords: FloatArray) -> FloatArray:
     return np.ascontiguousarray(odd)
 
 
+def _edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the edges of triangles, (n, 3, 2), the lower vertex first."""
+    return np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2), axis=2)
+
+
 def _border(faces: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the vertices on edges that belong to one triangle."""
-    edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    kept, counts = np.unique(edges, axis=0, return_counts=True)
+    kept, counts = np.unique(_edges(faces).reshape(-1, 2), axis=0, return_counts=True)
     border: NDArray[np.int64] = np.unique(kept[counts == 1])
     return border
 
@@ -570,8 +574,7 @@ def _without_flaps(
     )
     kept, off = np.ones(len(faces), np.bool_), 0.0
     goes = (counts[number] == 2) & (height <= gap)
-    edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2), axis=2)
-    _, number = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True)
+    _, number = np.unique(_edges(faces).reshape(-1, 2), axis=0, return_inverse=True)
     number = number.reshape(-1, 3)
     while True:
         off += float(height[goes].max(initial=0.0))

@@ -118,8 +118,11 @@ class CadModel:
         largest place of the shape.
     report : dict
         ``unit``, ``parts``, ``shapes``, ``faces`` (kind -> exactness -> count), ``gaps`` (largest first:
-        gap, both faces), ``free_edges``, ``refused`` (face, kind, reason), ``wires`` and ``points``
-        outside faces, which are ignored.
+        gap, both faces), ``free_edges``, ``open_solids`` (of a STEP file: solids that came without all of
+        their faces), ``refused`` (face, kind, reason), ``wires`` and ``points`` outside faces, which are
+        ignored.
+    bounds : (2, 3) float64
+        Lower and upper corner of a box about what is inside the loops, nearly.
     """
 
     surfaces: list[Surface]
@@ -127,18 +130,13 @@ class CadModel:
     parts: list[CadPart]
     faces: NDArray[Any]
     report: dict[str, Any]
-    box: FloatArray
+    bounds: FloatArray
 
     def __repr__(self) -> str:
         """Count parts, faces and surfaces."""
         counts = Counter(self.faces["exactness"].tolist())
         words = ", ".join(f"{n} {name}" for name, n in counts.items())
         return f"CadModel({len(self.parts)} parts, {len(self.faces)} faces: {words}; unit {self.report['unit']})"
-
-    @property
-    def bounds(self) -> FloatArray:
-        """(2, 3): lower and upper corner of a box about what is inside the loops, nearly."""
-        return self.box
 
     def face_at(self, hits: HitRecord) -> IntArray:
         """Return the row of `faces` of each hit on `surfaces`; -1 on a miss, and on what comes after them."""

@@ -20,6 +20,7 @@ PROGRAM = (
 PLACE = str(Path(__file__).parents[2])
 REFUSED = 4
 SUFFIXES = (".step", ".stp", ".iges", ".igs", ".brep")
+MESHES = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
 
 
 def check_file(file: Path) -> str:
@@ -33,9 +34,6 @@ def check_file(file: Path) -> str:
     if not file.is_file():
         raise FileNotFoundError(f"{what}: there is no such file")
     return what
-
-
-MESHES = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
 
 
 def arrays_of(

@@ -258,8 +258,7 @@ class Intersector:
             direct = self._direct_kinds(end - begin)
             self._first_roots(direct, rays, best, False, tally, found, watch)
             out = rows_of(slots, begin, end)
-            for number, kind in enumerate([*direct, *self._finishing[len(direct) :]]):
-                kind.finish(rays, best, self._kind_of, number, out)
+            self._finish(direct, rays, best, out)
             for number, kind in self._probing:
                 kind.settle(rays, best, self._kind_of, number, out, tally)
             limit.apply(best, out.flags)
@@ -391,7 +390,10 @@ class Intersector:
         )
         best, record = new_nearest(np.empty(0)), new_record(0)
         out = Finished(*(getattr(record, name) for name in Finished._fields))
-        direct = self._direct_kinds(0)
+        self._finish(self._direct_kinds(0), rays, best, out)
+
+    def _finish(self, direct: Sequence[Any], rays: Rays, best: Nearest, out: Finished) -> None:
+        """Describe the hits of a slice, whose kinds without a coarse stage are these."""
         for number, kind in enumerate([*direct, *self._finishing[len(direct) :]]):
             kind.finish(rays, best, self._kind_of, number, out)
 

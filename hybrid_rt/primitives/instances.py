@@ -28,9 +28,9 @@ class Instances(Surface):
     of a tree, some 130 bytes. Rays meet what `Surface.transformed` would give, but no image is made, and
     matrices are not rounded once more.
 
-    A place of a reflection has the normals of an image by `Surface.transformed`: along S_u x S_v, so those of
-    a closed surface point inward, those of a `Box`, too. For glass, pass reflections of a surface that is flipped, as an object of
-    its own.
+    A place of a reflection has normals along S_u x S_v, as images by `Surface.transformed` have: those of a
+    closed surface point inward (of a `Box` too, whose image keeps its own). For glass, pass reflections of a
+    surface that is flipped, as an object of its own.
 
     Parameters
     ----------

@@ -35,6 +35,30 @@ def _later(s, x, y, is_first, other, ox, oy, forward, x_line, y_line):
     return s, x, y
 
 
+@inner
+def _moved_in(table, p, end, other, lines, is_beyond, is_first, grows, forward):
+    """Return an end (s, u, v) of a piece where it crosses the lines of u and v that it is beyond.
+
+    ``other`` is the other end. Of both lines the later one counts, or at the last end the earlier one.
+    """
+    s, x, y = end
+    b, xb, yb = other
+    if is_beyond[0]:
+        s, x, y = b, lines[0], yb
+        if xb != lines[0]:
+            s = _first_beyond(table, p, lines[0], True, grows)
+            y = _halve(table, p, s)[1]
+    if is_beyond[1]:
+        c, cx = b, xb
+        if yb != lines[1]:
+            c = _first_beyond(table, p, lines[1], False, True)
+            cx = _halve(table, p, c)[0]
+        if not is_beyond[0]:
+            return c, cx, lines[1]
+        s, x, y = _later(s, x, y, is_first, c, cx, lines[1], forward, lines[0], lines[1])
+    return s, x, y
+
+
 @kernel
 def chords_in_box(table, box, cuts, first_cut, chords):
     """Write chords of the pieces in a box as rows u, v, u, v, piece, s, s; return how many there are.
@@ -51,38 +75,15 @@ def chords_in_box(table, box, cuts, first_cut, chords):
             continue
         forward, grows = 1.0 if b >= a else -1.0, xb >= xa
         near, far = (u0, u1) if grows else (u1, u0)
-        s, x, y, t, z, w = a, xa, ya, b, xb, yb
-        # Where it enters: at the later of two lines.
         enters_u, enters_v = (xa < near) if grows else (xa > near), ya < v0
-        if enters_u:
-            s, x, y = b, near, yb
-            if xb != near:
-                s = _first_beyond(table, p, near, True, grows)
-                y = _halve(table, p, s)[1]
-        if enters_v:
-            c, cx = b, xb
-            if yb != v0:
-                c = _first_beyond(table, p, v0, False, True)
-                cx = _halve(table, p, c)[0]
-            if enters_u:
-                s, x, y = _later(s, x, y, True, c, cx, v0, forward, near, v0)
-            else:
-                s, x, y = c, cx, v0
         leaves_u, leaves_v = (xb > far) if grows else (xb < far), yb > v1
-        if leaves_u:
-            t, z, w = a, far, ya
-            if xa != far:
-                t = _first_beyond(table, p, far, True, grows)
-                w = _halve(table, p, t)[1]
-        if leaves_v:
-            c, cx = a, xa
-            if ya != v1:
-                c = _first_beyond(table, p, v1, False, True)
-                cx = _halve(table, p, c)[0]
-            if leaves_u:
-                t, z, w = _later(t, z, w, False, c, cx, v1, forward, far, v1)
-            else:
-                t, z, w = c, cx, v1
+        begin, end = (a, xa, ya), (b, xb, yb)
+        s, x, y = _moved_in(
+            table, p, begin, end, (near, v0), (enters_u, enters_v), True, grows, forward
+        )
+        t, z, w = _moved_in(
+            table, p, end, begin, (far, v1), (leaves_u, leaves_v), False, grows, forward
+        )
         if (t - s) * forward < 0.0:
             continue
         x, z = min(max(x, u0), u1), min(max(z, u0), u1)

@@ -18,7 +18,12 @@ from hybrid_rt.intersection.kernels.search.members import FARTHEST
 from hybrid_rt.intersection.kernels.search.nearest import WITHIN_BAND
 from hybrid_rt.intersection.kernels.search.rays import scale_ray
 from hybrid_rt.intersection.kernels.search.tolerances import UNIT_ROUNDOFF
-from hybrid_rt.intersection.kernels.search.tree import Stack, box_ray, next_leaf
+from hybrid_rt.intersection.kernels.search.tree import (
+    SMALLEST_COMPONENT,
+    Stack,
+    box_ray,
+    next_leaf,
+)
 from meshing.kernels.jit import inlined, kernel
 
 # Origin and direction in the frame are within one rounding of the exact ones, which moves the ray by this
@@ -27,7 +32,6 @@ ROUNDING = 4.0 * UNIT_ROUNDOFF
 # Boxes are met that are missed by this part of their size, or of the way to them: more than a matrix may be
 # off from a similarity, and far more than the band.
 NEAR_SIZE, NEAR_WAY = 2.0**-20, 2.0**-38
-SMALLEST_COMPONENT = 1e-18
 
 
 class Places(NamedTuple):
