@@ -201,7 +201,7 @@ def on_edges(teapot, tracer):
 def test_departure_from_edges_is_not_a_hit(teapot, tracer, on_edges, side):
     """Some 2800 starts in all, at all slopes down to 1e-6, half to either side.
 
-    `tools/verify_many.py` departs a million times.
+    `tools/verify.py` departs a million times.
     """
     rng, start = np.random.default_rng(9), on_edges
     assert len(start) > 1_360
@@ -281,6 +281,19 @@ def test_inputs_of_any_form(tracer):
     assert len(image) == 6
     np.testing.assert_array_equal(image.t, np.repeat(single.t, 6))
     assert len(tracer.intersect(np.empty((0, 3)), np.empty((0, 3)))) == 0
+
+
+@pytest.mark.parametrize(
+    "form",
+    [np.asfortranarray, lambda a: np.repeat(a, 2, axis=0)[::2], lambda a: a[::-1].copy()[::-1]],
+    ids=["Fortran-ordered", "strided", "reversed"],
+)
+def test_layouts_change_no_bit_and_arguments_are_left_as_they_are(tracer, rays, hits, form):
+    o, d = (form(a) for a in rays)
+    o.flags.writeable = d.flags.writeable = False
+    t_max = np.full(N, 1e9)
+    assert_same(hits, tracer.intersect(o, d, t_max=t_max))
+    assert (t_max == 1e9).all()
 
 
 @pytest.mark.parametrize(

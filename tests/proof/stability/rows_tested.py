@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from proof.stability.row import tested
 
+AMONG_GLASS = "integrators/path/test_glass.py::TestGlass::test_"
 CAMERA = "sensor/test_camera.py::test_"
 CAUSTICS = "integrators/photons/test_caustics.py::test_"
 EDGES = "intersection/test_sharp_edges.py::test_"
+FRESNEL = "shading/test_fresnel.py::test_"
+FURNACE = "integrators/path/test_furnace.py::TestFurnace::test_"
 HITS = "intersection/test_certified.py::test_"
 LIGHT_FOUND = "integrators/test_light_found.py::test_"
 MATERIALS = "materials/test_materials.py::test_"
 NURBS = "../meshing/test_nurbs.py::test_"
 PLACES = "intersection/test_instances.py::test_"
 PPM = "integrators/photons/test_ppm.py::test_"
+RINGS = "lights/test_trimmed.py::test_"
 REFUSALS = "primitives/test_refusals.py::test_"
 SEAMS = "intersection/test_trims_across_seams.py::test_"
+ROUGH_GLASS = "integrators/test_rough_surfaces.py::TestGlass::test_"
 SETTINGS = "rendering/test_settings.py::test_"
+SPOT = "lights/test_spot.py::test_"
 STORE = "rendering/test_store.py::test_"
 TESSELLATION = "../meshing/test_tessellation_of_known_surfaces.py::test_"
 TEXTURES = "textures/test_textures.py::test_"
@@ -54,12 +60,12 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
         "materials/test_rough_conductor.py::test_impossible_metals_are_refused",
     )),
     ("D12", "the critical angle", "Fresnel's equations in many digits", (
-        "shading/test_fresnel.py::test_reflectance_around_the_critical_angle",
+        f"{FRESNEL}reflectance_around_the_critical_angle",
         f"{WHITTED}total_reflection_sends_everything_back",
     )),
     ("D13", "grazing incidence", "Fresnel's equations in many digits", (
-        "shading/test_fresnel.py::test_reflectance_is_that_of_fresnels_equations",
-        "shading/test_fresnel.py::test_grazing_light_is_all_reflected",
+        f"{FRESNEL}reflectance_is_that_of_fresnels_equations",
+        f"{FRESNEL}grazing_light_is_all_reflected",
     )),
     ("D17", "albedo above one or below 0", "refusals", (
         f"{MATERIALS}impossible_materials_are_refused",
@@ -177,6 +183,79 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
         "lights/test_rectangle.py::test_irradiance_is_lamberts",
         "lights/test_spot.py::test_irradiance_on_a_plane",
         "lights/test_surface.py::test_irradiance_is_lamberts",
+    )),
+    ("D06", "camera in glass or on its surface", "closed form: radiance n^2 in even light", (
+        f"{AMONG_GLASS}camera_within_nested_bodies",
+        f"{AMONG_GLASS}camera_within_the_lower_of_two_cubes",
+        "integrators/test_camera_across_glass.py::test_lens_that_reaches_out_of_a_ball",
+        f"{WHITTED}camera_within_glass_sees_through_what_absorbs",
+    )),
+    ("D09", "index 1 and 1 + 1e-9", "identity: the picture without the body", (
+        f"{FRESNEL}index_one_reflects_nothing",
+        f"{WHITTED}glass_of_index_one_is_not_seen",
+        f"{ROUGH_GLASS}of_the_same_index_it_only_tints_and_absorbs",
+    )),
+    ("D10", "indices 1000 and 1e-3", "even light: never above the light there is", (
+        f"{WHITTED}extreme_indices_stay_finite_and_within_the_light_there_is",
+        f"{FURNACE}every_material",
+    )),
+    ("D14", "bodies within bodies, overlapping bodies", "closed form: stacks of plates", (
+        f"{AMONG_GLASS}body_within_a_body",
+        f"{AMONG_GLASS}overlapping_bodies_by_priority",
+        f"{AMONG_GLASS}shells_in_an_even_light_are_not_seen",
+    )),
+    ("D15", "clear bodies that touch", "closed form: stacks of plates without air between", (
+        f"{AMONG_GLASS}cube_of_glass_on_cube_of_glass",
+        f"{AMONG_GLASS}water_that_fills_a_glass",
+    )),
+    ("D16", "closed white room", "white furnace: a geometric series, and what is lost is said", (
+        f"{FURNACE}white_room_ends_and_says_what_is_lost",
+        f"{FURNACE}what_is_lost_in_glass_is_what_is_missing",
+    )),
+    ("D18", "two parallel mirrors", "nothing is seen, and what is lost is said", (
+        f"{WHITTED}two_facing_mirrors_end_at_max_depth_and_say_so",
+        f"{FURNACE}what_is_lost_counts_by_what_emissive_surfaces_send",
+    )),
+    ("D24", "gathering across a thin wall", "the dark side is exactly black", (
+        f"{PPM}dark_side_of_a_wall_stays_dark",
+    )),
+    ("L06", "photons into a spot of 1e-3 degrees", "what a cone sends out; memory as when spread", (
+        f"{SPOT}photons_follow_the_profile_and_carry_equal_power",
+        f"{PPM}a_million_photons_in_one_point_need_little_memory",
+    )),
+    ("L09", "rough metal, roughness 0.01 to 1", "energy of facets that are seen once; refusals", (
+        "shading/test_rough.py::TestConductor::test_energy_is_that_of_facets_seen_once",
+        "materials/test_rough_conductor.py::test_impossible_metals_are_refused",
+    )),
+    ("L10", "rough glass, roughness 0.01 to 1", "energy of facets that are seen once; refusals", (
+        "shading/test_rough.py::TestGlass::test_energy_is_that_of_facets_seen_once",
+        f"{ROUGH_GLASS}in_radiance_one_light_is_lost_only_between_facets",
+        f"{MATERIALS}impossible_materials_are_refused",
+    )),
+    ("L11", "spots of 0.001 to 180 degrees", "closed forms: across the edge, and all that is sent out", (
+        f"{SPOT}irradiance_on_a_plane",
+        f"{SPOT}power_is_the_integral_of_the_profile",
+        f"{SPOT}photons_follow_the_profile_and_carry_equal_power",
+        f"{SPOT}bad_settings_are_refused",
+    )),
+    ("L13", "light under a ball of glass, and behind a pane", "a light tracer that shares no code", (
+        f"{CAUSTICS}picture_agrees_with_a_light_tracer_of_its_own",
+    )),
+    ("L15", "rings cut out of lamps, of all widths", "closed form of the irradiance", (
+        f"{RINGS}irradiance_of_a_ring",
+        f"{RINGS}narrow_and_tiny_parts_shine",
+        f"{RINGS}pictures_show_it",
+    )),
+    ("E03", "arguments are used twice", "identity", (
+        "intersection/test_crossings.py::test_repeated_calls_say_the_same",
+        f"{HITS}layouts_change_no_bit_and_arguments_are_left_as_they_are",
+    )),
+    ("E05", "one worker, many; other processes", "identity", (
+        f"{HITS}order_batches_and_threads_change_no_bit",
+        "rendering/test_cluster.py::test_workers_killed_and_added_change_no_bit",
+    )),
+    ("E09", "arrays of any layout", "identity", (
+        f"{HITS}layouts_change_no_bit_and_arguments_are_left_as_they_are",
     )),
 )  # fmt: skip
 
