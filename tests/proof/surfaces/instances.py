@@ -24,13 +24,20 @@ from proof.filters.kernels.first import N_COLUMNS, UNSURE_FROM
 from proof.surface import ExactSurface, Gap, IsTouched, SurfaceFilter, exact_of, filter_of
 
 
-class _Place(NamedTuple):
+class Place(NamedTuple):
     """A matrix, exact: its shift, the rows of its inverse times the determinant, and that one."""
 
     shift: RationalVector
     rows: Sequence[RationalVector]
     volume: Rational
     scale: float
+
+    @classmethod
+    def of(cls, matrix: FloatArray, scale: float = 1.0) -> Place:
+        """Return the place of a matrix (3, 4)."""
+        columns = [rationals(column) for column in matrix[:, :3].T]
+        rows = [cross(columns[k - 2], columns[k - 1]) for k in range(3)]
+        return cls(rationals(matrix[:, 3]), rows, dot(columns[0], rows[0]), scale)
 
     def point(self, p: RationalVector) -> list[Rational]:
         """Return a point in the frame of the surfaces."""
@@ -39,12 +46,6 @@ class _Place(NamedTuple):
     def vector(self, x: RationalVector) -> list[Rational]:
         """Return a vector in the frame of the surfaces."""
         return [dot(row, x) / self.volume for row in self.rows]
-
-
-def _place(matrix: FloatArray, scale: float) -> _Place:
-    columns = [rationals(column) for column in matrix[:, :3].T]
-    rows = [cross(columns[k - 2], columns[k - 1]) for k in range(3)]
-    return _Place(rationals(matrix[:, 3]), rows, dot(columns[0], rows[0]), scale)
 
 
 class ExactInstances(ExactSurface, of=Instances):
@@ -56,7 +57,7 @@ class ExactInstances(ExactSurface, of=Instances):
         super().__init__(surface)
         self._members = [exact_of(member) for member in surface.surfaces]
         pairs = zip(surface.matrices, surface.scale.tolist(), strict=True)
-        self._places = [_place(matrix, scale) for matrix, scale in pairs]
+        self._places = [Place.of(matrix, scale) for matrix, scale in pairs]
 
     def crosser(self) -> Crosser:
         """Return a function that asks each surface about the ray as seen from each place."""
