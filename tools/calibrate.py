@@ -33,7 +33,7 @@ from benchmarks.photon_truth import PHOTON_PICTURES, blur
 from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.core import checks
 from hybrid_rt.core.records import FloatArray
-from proof.cases.campaign import SCENES
+from proof.cases.scenes import SCENES
 
 LEAST, MOST_OF_PIXELS = 0.92, 0.99
 HALF = 0.5

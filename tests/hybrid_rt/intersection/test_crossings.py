@@ -9,8 +9,8 @@ from hybrid_rt import Box, Intersector, Sphere, TriangleMesh
 from hybrid_rt.demo import teapot, vase
 from hybrid_rt.trimesh_adapter import RayMeshIntersector
 from meshing import SurfaceOfRevolution
-from proof.cases.campaign import ellipsoid, torus
 from proof.cases.rays import chords, edges
+from proof.cases.scenes import ellipsoid, torus
 
 CLOSED = {
     "torus": torus,

@@ -21,7 +21,7 @@ from hybrid_rt.intersection.kernels.patch.solve import rounding_of_root
 from hybrid_rt.intersection.kernels.patch.subdivide import normals_of, rounding_of_net
 from hybrid_rt.intersection.kernels.search.tolerances import UNIT_ROUNDOFF
 from meshing import BezierPatches, tessellate
-from proof.cases.singular_campaign import placed_surfaces, trace_cell
+from proof.cases.campaign import placed_surfaces, trace_cell
 from proof.cases.singular_rays import interior
 from proof.stability.rows_poles import work_of
 

@@ -7,7 +7,7 @@ import pytest
 
 from hybrid_rt import Intersector, Sphere, Status, Torus
 from meshing import Cone, Cylinder, SurfaceOfRevolution, circular_arc
-from proof.cases.singular_campaign import run_set
+from proof.cases.campaign import SINGULAR, result
 from proof.cases.singular_surfaces import rational_torus
 
 AXIS = np.array([0.3, -0.2, 1.0])
@@ -201,9 +201,10 @@ def test_departures_from_parts():
     "name", ["rational torus, tangents", "part of a torus, ends", "uneven weights"]
 )
 def test_no_promise_is_broken(name):
-    result = run_set(name, 6, 3, distances=(1e-1, 1e-4, 1e-9, 1e-13), placements=("home", "far"))
-    assert result.total.faults == 0, result.examples
-    assert result.total.hits > 0
+    places = {"distances": (1e-1, 1e-4, 1e-9, 1e-13), "placements": ("home", "far")}
+    group = result(SINGULAR, name, 24, 3, marks=True, **places)
+    assert group.count.faults == 0, group.examples
+    assert group.count.hits > 0
 
 
 def test_images_and_other_sides():

@@ -17,8 +17,8 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.demo import teapot, vase
 from hybrid_rt.primitives import Box, Sphere
 from meshing import BezierPatches, SurfaceOfRevolution
-from proof.cases.campaign import patches_of_mixed_degrees, torus
 from proof.cases.rays import about_axes, edges, secondary
+from proof.cases.scenes import patches_of_mixed_degrees, torus
 
 # Pieces that one search may look at: a tangent ray's are bounded by rounding, not by luck.
 MOST_PIECES = 5000

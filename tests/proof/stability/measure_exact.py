@@ -11,7 +11,7 @@ import numpy as np
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, Status
 from hybrid_rt.intersection import Intersector
 from meshing import BezierPatches
-from proof.cases.singular_campaign import placed_surfaces, trace_cell
+from proof.cases.campaign import placed_surfaces, trace_cell
 from proof.cases.singular_rays import size_of
 from proof.exact.crossings import POINT, bits, norm, rational
 from proof.exact.judge import BatchVerdict, ExactJudge
@@ -170,10 +170,10 @@ def by_set(
         if from_afar:
             back = size * effort.rng().uniform(0.3, 3.0, (n, 1))
             origins = cell.origins - back * cell.directions
-            cell = replace(cell, origins=origins, hits=tracer.intersect(origins, cell.directions))
-        leaves = None if cell.source is None else cell.source.object_id
+            hits = tracer.intersect(origins, cell.directions)
+            cell = cell._replace(origins=origins, hits=hits)
         verdict = exact_verdict(
-            judge, cell.hits, cell.origins, cell.directions, cell.distance, leaves
+            judge, cell.hits, cell.origins, cell.directions, cell.near, cell.leaves
         )
         work = tracer.counters["most_pieces"]
         found = replace(verdict_outcome(verdict, marks), work=work)

@@ -12,11 +12,11 @@ from hybrid_rt.core.records import Status
 from hybrid_rt.demo import teapot
 from hybrid_rt.intersection import Intersector
 from meshing import BezierPatches
-from proof.cases.campaign import torus
 from proof.cases.catalogue import (
     saddle,
 )
 from proof.cases.rays import chords, secondary
+from proof.cases.scenes import torus
 from proof.exact.truth import ExactScene
 from proof.stability.measure import (
     EPS,

@@ -12,8 +12,8 @@ from hybrid_rt.core.records import FloatArray, HitRecord
 from hybrid_rt.demo import teapot
 from hybrid_rt.intersection import Intersector
 from meshing import BezierPatches
+from proof.cases.campaign import placed_surfaces, trace_cell
 from proof.cases.rational_surfaces import nurbs_sphere, octants
-from proof.cases.singular_campaign import placed_surfaces, trace_cell
 from proof.cases.singular_rays import interior
 from proof.cases.singular_sets import SETS
 from proof.stability.measure import EPS, Plot

@@ -10,8 +10,8 @@ import numpy as np
 from hybrid_rt.demo import teapot
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.primitives import Box, Sphere
-from proof.cases.campaign import torus
 from proof.cases.rays import axis_parallel, chords
+from proof.cases.scenes import torus
 from proof.stability.measure import by_judges, catalogue, traced
 from proof.stability.row import Effort, Outcome, refusal, row
 

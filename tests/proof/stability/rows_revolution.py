@@ -12,9 +12,9 @@ import numpy as np
 from hybrid_rt.core.records import Flag, FloatArray, Status
 from hybrid_rt.intersection import Intersector
 from meshing import SurfaceOfRevolution
-from proof.cases.campaign import torus
 from proof.cases.catalogue import cone, cylinder, ring
 from proof.cases.rays import chords, secondary
+from proof.cases.scenes import torus
 from proof.cases.singular_rays import size_of
 from proof.exact.truth import ExactScene
 from proof.stability.measure import EPS, Plot, apart, by_times, catalogue, traced

@@ -9,8 +9,8 @@ import trimesh
 
 from hybrid_rt import Intersector, Sphere, TriangleMesh
 from meshing import BezierPatches, tessellate
-from proof.cases.campaign import torus
 from proof.cases.catalogue import CATALOGUE
+from proof.cases.scenes import torus
 from proof.stability.row import all_rows
 
 

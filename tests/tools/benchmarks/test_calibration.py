@@ -7,7 +7,7 @@ from benchmarks import calibration
 from benchmarks.calibration import PICTURES, bounds, bounds_by_digits, coverage
 from benchmarks.noise_scenes import SEEN, UNSEEN
 from benchmarks.photon_truth import PHOTON_PICTURES, blur
-from proof.cases.campaign import SCENES
+from proof.cases.scenes import SCENES
 
 pytestmark = pytest.mark.statistical
 
