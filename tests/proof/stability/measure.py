@@ -7,7 +7,7 @@ by that.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from proof.cases.catalogue import CATALOGUE, MOST_PIECES
 from proof.cases.singular_rays import size_of
 from proof.exact.judge import BatchVerdict
 from proof.judge import Judge
-from proof.stability.row import Curve, Effort, Outcome
+from proof.stability.row import Effort, Outcome
 
 EPS = 2.0**-52
 BAND = 64 * EPS
@@ -157,23 +157,22 @@ def verdict_outcome(verdict: BatchVerdict, marks: bool = True) -> Outcome:
     Parameters
     ----------
     marks : bool
-        Whether TANGENT is a fault if no moved ray has another first hit. Features thinner than the
+        Whether TANGENT counts as needless if no moved ray has another first hit. Features thinner than the
         spacing of the moved rays escape that test.
     """
     outcome = Outcome(
         rays=verdict.rays, wrong=verdict.n_wrong, error=verdict.worst_error / 64.0,
         broken=verdict.bounds_broken, undecided=verdict.tangent,
+        needless=verdict.tangent_needlessly * marks,
     )  # fmt: skip
-    needless = verdict.tangent_needlessly
     for number, words in (
         (verdict.off_ray, "points beside the ray by more than the band"),
         (verdict.off_ray_tangent, "points of rows TANGENT farther from the ray than is guaranteed"),
         (verdict.unmarked, "decisions within rounding without the mark TANGENT"),
-        (needless * marks, "marks TANGENT without need"),
     ):
         outcome = outcome.checked(number == 0, f"{number} {words}")
     for number, words in (
-        (needless * (not marks), "marks TANGENT of which no ray around says why"),
+        (verdict.tangent_needlessly, "marks TANGENT without need, as far as rays around tell"),
         (verdict.wrong_tangent, "rows TANGENT with another first hit than any right one"),
         (verdict.left_open, "rays left open by exact arithmetic"),
     ):
@@ -246,44 +245,3 @@ def catalogue(case_id: str, effort: Effort) -> Outcome:
             )
         total = total + found
     return total
-
-
-@dataclass
-class Plot:
-    """A curve under construction.
-
-    Attributes
-    ----------
-    against, label, unit : str
-        As in `Curve`.
-    """
-
-    against: str
-    label: str
-    unit: str = "size"
-    x: list[float] = field(default_factory=list)
-    error: list[float] = field(default_factory=list)
-    expected: list[float] = field(default_factory=list)
-    work: list[float] = field(default_factory=list)
-
-    def add(self, x: float, error: FloatArray, expected: FloatArray, work: float = 0.0) -> Outcome:
-        """Add a point: the largest of some errors, and what is expected of that one."""
-        if len(error):
-            k = int(np.argmax(error))
-            self.x.append(float(x))
-            self.error.append(float(error[k]))
-            self.expected.append(float(expected[k]))
-            self.work.append(float(work))
-        # No error where none is expected is none; any other one is too large.
-        none = np.where(error == 0.0, 0.0, np.inf)
-        ratio = np.divide(error, expected, out=none, where=expected > 0.0)
-        return Outcome(error=float(ratio.max(initial=0.0)))
-
-    @property
-    def curve(self) -> Curve:
-        """The curve as it is now."""
-        work = self.work if any(self.work) else []
-        return Curve(
-            self.against, self.label, list(self.x), list(self.error), list(self.expected),
-            list(work), self.unit,
-        )  # fmt: skip

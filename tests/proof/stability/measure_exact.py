@@ -16,8 +16,8 @@ from proof.cases.singular_rays import size_of
 from proof.exact.crossings import POINT, bits, norm, rational
 from proof.exact.judge import BatchVerdict, ExactJudge
 from proof.exact.truth import ExactScene, same_place
-from proof.stability.measure import DISTANCES, Plot, traced, verdict_outcome
-from proof.stability.row import Effort, Outcome
+from proof.stability.measure import DISTANCES, traced, verdict_outcome
+from proof.stability.row import Effort, Outcome, Plot
 
 # A mark is looked at again with rays moved by so many bands, to so many sides.
 MOVES, SIDES = (0.5, 1.0, 2.0, 4.0), 16
@@ -180,7 +180,7 @@ def by_set(
         if tracer.counters["given_up"]:
             words = f"{tracer.counters['given_up']} searches given up at {distance:.0e}"
             found = replace(found, notes=(*found.notes, words))
-        if not found.holds:
+        if not found.holds or found.needless:
             seen = {fault: rows[:2] for fault, rows in verdict.examples.items()}
             where = f"{name}, {distance:.0e}, {placement}, {n} rays, seed {effort.seed}: {seen}"
             found = replace(found, notes=(*found.notes, where))
@@ -188,4 +188,4 @@ def by_set(
         if cell.source is None:
             error, expected = exact_errors(judge.scene, cell.hits, cell.origins, cell.directions)
             total = total + plot.add(distance, error / size, expected / size, work)
-    return replace(total, curves=(plot.curve,)) if plot.x else total
+    return replace(total, curves=(plot,)) if plot.x else total

@@ -28,7 +28,6 @@ from proof.exact.judge import ExactJudge
 from proof.stability.measure import (
     DISTANCES,
     EPS,
-    Plot,
     both_tracers,
     differences,
     traced,
@@ -40,7 +39,7 @@ from proof.stability.measure_exact import (
     exact_errors,
     exact_verdict,
 )
-from proof.stability.row import Effort, Outcome, row
+from proof.stability.row import Effort, Outcome, Plot, row
 
 ORIGIN, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 OGIVE = [[(0.0, 0.0), (0.5, 0.9), (2.0, 1.0)], [(2.0, 1.0), (2.0, 0.0)]]
@@ -83,7 +82,7 @@ def _beside(
             total += found + replace(verdict, rays=0, undecided=0)
             error, expected = exact_errors(judge.scene, hits, origins, directions)
             total += plot.add(k, error / size, expected / size, found.work)
-        curves.append(plot.curve)
+        curves.append(plot)
     return replace(total, curves=tuple(curves))
 
 
@@ -277,7 +276,7 @@ def almost_within(effort: Effort) -> Outcome:
         total += found.checked(verdict.off_ray == 0, f"{verdict.off_ray} points off at {k:.0e}")
         if gap[0] > 0.0:
             total += plot.add(k, gap, np.ones(1), found.work)
-    return replace(total, curves=(*total.curves, plot.curve))
+    return replace(total, curves=(*total.curves, plot))
 
 
 @row("F08", "decisions within rounding", "exact crossings of moved rays")

@@ -24,7 +24,6 @@ from proof.cases.rays import chords
 from proof.exact.truth import ExactScene
 from proof.stability.measure import (
     EPS,
-    Plot,
     apart,
     by_times,
     catalogue,
@@ -33,7 +32,7 @@ from proof.stability.measure import (
 )
 from proof.stability.measure_exact import by_exact, by_set, exact_errors
 from proof.stability.patch_nets import bumpy_chords, bumpy_net, elevated, flat_net
-from proof.stability.row import Effort, Outcome, refusal, row
+from proof.stability.row import Effort, Outcome, Plot, refusal, row
 
 DEGREES = (1, 2, 3, 5, 8, 12, 17, 23, 30)
 
@@ -64,7 +63,7 @@ def high_degrees(effort: Effort) -> Outcome:
                 undecided=int((hits.status == Status.TANGENT).sum()),
             )  # fmt: skip
             total += plot.add(degree, error / size, expected / size, work)
-        curves.append(plot.curve)
+        curves.append(plot)
     return replace(total, curves=tuple(curves)) + _point_of_degree_30(effort)
 
 

@@ -22,7 +22,6 @@ from proof.stability.measure import (
     DISTANCES,
     EPS,
     LEAST_COSINE,
-    Plot,
     by_judges,
     by_times,
     catalogue,
@@ -31,7 +30,7 @@ from proof.stability.measure import (
 )
 from proof.stability.measure_exact import by_exact, by_set
 from proof.stability.patch_nets import flat_net
-from proof.stability.row import Effort, Outcome, row
+from proof.stability.row import Effort, Outcome, Plot, row
 
 WAYS = ("none", "embree")
 
@@ -75,7 +74,7 @@ def tangents(effort: Effort) -> Outcome:
             not (~sure & (np.abs(depth) > 4.0 * band)).any(), f"marks beyond the band at {k:.0e}"
         ).checked(work < 5000, f"{work} pieces at {k:.0e}")  # fmt: skip
         total += plot.add(k, error / size, expected / size, work)
-    return replace(total, curves=(plot.curve,))
+    return replace(total, curves=(plot,))
 
 
 @row("A03", "ray lying in a flat patch", "closed form; exact arithmetic")

@@ -16,9 +16,9 @@ from proof.cases.campaign import placed_surfaces, trace_cell
 from proof.cases.rational_surfaces import nurbs_sphere, octants
 from proof.cases.singular_rays import interior
 from proof.cases.singular_sets import SETS
-from proof.stability.measure import EPS, Plot
+from proof.stability.measure import EPS
 from proof.stability.patch_nets import elevated
-from proof.stability.row import Effort, Outcome, row
+from proof.stability.row import Effort, Outcome, Plot, row
 
 DISTANCES = (0.0, *(10.0**-k for k in range(16, 2, -1)))
 # Distances from all singular sets, parts of the size.
@@ -114,4 +114,4 @@ def normals_beside_poles(effort: Effort) -> Outcome:
         point = surface.point(u, v)
         apart = np.linalg.norm(np.abs(surface.normal(u, v)) - np.abs(point), axis=1)
         total += Outcome(rays=n, error=float(apart.max() / (32 * EPS)))
-    return Outcome(curves=(plot.curve,)) + total
+    return Outcome(curves=(plot,)) + total

@@ -9,9 +9,9 @@ import numpy as np
 from hybrid_rt.core.records import FloatArray
 from meshing import BezierPatches, NurbsSurface
 from proof.cases.rational_surfaces import octant
-from proof.stability.measure import EPS, Plot, by_times
+from proof.stability.measure import EPS, by_times
 from proof.stability.measure_exact import by_exact
-from proof.stability.row import Effort, Outcome, refusal, row
+from proof.stability.row import Effort, Outcome, Plot, refusal, row
 
 # Powers of two that leave the weights of an octant within a factor of 1e6.
 PACES = (2.0**-1, 2.0**-4, 2.0**-8, 2.0**-9, 2.0**4, 2.0**8)
@@ -116,7 +116,7 @@ def weights_far_apart(effort: Effort) -> Outcome:
         gap = np.abs(np.linalg.norm(surface.point(u, v), axis=1) - 1.0)
         # Quotients of sums whose terms are all positive: some roundings, whatever the weights.
         total += plot.add(float(weights.max() / weights.min()), gap, np.full(1000, 16 * EPS))
-    return Outcome(curves=(plot.curve,)) + total
+    return Outcome(curves=(plot,)) + total
 
 
 @row("A31", "NURBS with breaks and spans of nothing", "the basis functions; exact crossings")

@@ -17,9 +17,9 @@ from proof.cases.rays import chords, secondary
 from proof.cases.scenes import torus
 from proof.cases.singular_rays import size_of
 from proof.exact.truth import ExactScene
-from proof.stability.measure import EPS, Plot, apart, by_times, catalogue, traced
+from proof.stability.measure import EPS, apart, by_times, catalogue, traced
 from proof.stability.measure_exact import by_exact, by_set, exact_errors
-from proof.stability.row import Effort, Outcome, refusal, row
+from proof.stability.row import Effort, Outcome, Plot, refusal, row
 
 ORIGIN, AXIS = (0, 0, 0), (0, 0, 1)
 # Angles with the axis, or with what is perpendicular to it.
@@ -57,7 +57,7 @@ def _tilted(effort: Effort, along: bool, exactly: bool = False) -> Outcome:
             error, expected = exact_errors(scene, hits, origins, directions)
             if k:
                 total += plot.add(k, error / size, expected / size, tracer.counters["most_pieces"])
-        curves.append(plot.curve)
+        curves.append(plot)
     return replace(total, curves=() if exactly else tuple(curves))
 
 
@@ -299,7 +299,7 @@ def degrees(effort: Effort) -> Outcome:
             )  # fmt: skip
             error, expected = exact_errors(scene, b, o, d)
             total += plot.add(degree, error / size, expected / size, work)
-        curves.append(plot.curve)
+        curves.append(plot)
     return replace(total, curves=tuple(curves))
 
 

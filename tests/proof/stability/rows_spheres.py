@@ -12,9 +12,9 @@ from hybrid_rt.core.records import FloatArray, Status
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.primitives import Sphere
 from proof.exact.truth import ExactScene
-from proof.stability.measure import EPS, Plot, catalogue, traced
+from proof.stability.measure import EPS, catalogue, traced
 from proof.stability.measure_exact import by_exact, exact_errors
-from proof.stability.row import Effort, Outcome, refusal, row
+from proof.stability.row import Effort, Outcome, Plot, refusal, row
 
 ORIGIN = (0.0, 0.0, 0.0)
 
@@ -41,7 +41,7 @@ def walls(effort: Effort) -> Outcome:
         origins = targets + unit(rng.normal(size=(n, 3)) + np.array([0.0, 0.0, 1.5]))
         sphere = Sphere((0.0, 0.0, -radius), radius)
         total += _judged(plot, radius, sphere, origins, targets - origins, 1.0)
-    return replace(total, curves=(plot.curve,))
+    return replace(total, curves=(plot,))
 
 
 @row("C02", "ground: a sphere of radius 1000 below the eye", "high precision; exact roots")
@@ -56,7 +56,7 @@ def grounds(effort: Effort) -> Outcome:
         directions = rng.normal(size=(n, 3)) * (1.0, 1.0, 0.1)
         directions[:, 2] = -np.abs(directions[:, 2])
         total += _judged(plot, height, ground, origins, directions, 1.0)
-    return replace(total, curves=(plot.curve,))
+    return replace(total, curves=(plot,))
 
 
 @row("C03", "unit sphere seen from 1e8", "high precision; exact roots")
@@ -70,7 +70,7 @@ def from_afar(effort: Effort) -> Outcome:
         origins = distance * unit(rng.normal(size=(n, 3)))
         targets = rng.uniform(-1.0, 1.0, (n, 3))
         total += _judged(plot, distance, Sphere(ORIGIN, 1.0), origins, unit(targets - origins), 1.0)
-    return replace(total, curves=(plot.curve,))
+    return replace(total, curves=(plot,))
 
 
 @row("C06", "radius nan or inf", "refusal")
