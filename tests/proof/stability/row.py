@@ -26,9 +26,9 @@ COUNTS = {"A": 36, "B": 19, "C": 14, "D": 34, "E": 11, "F": 15, "H": 3, "L": 16}
 IDS = tuple(f"{section}{k:02d}" for section, n in COUNTS.items() for k in range(1, n + 1))
 TESTS = Path(__file__).parents[2]
 T = TypeVar("T")
-# Marks without need break no promise. Beside singular sets 8 of 10 000 rays have one: where a hit is so
-# flat, and so near to an edge, that one displaced ray which is lost decides. A row may have one, and more
-# of this share of its rays.
+# Marks without need break no promise. Beside singular sets 8 of 10 000 rays have one, as where pieces seen
+# with parallel tangents are not halved below 64 roundings. A row may have one, and more of this share of
+# its rays.
 MOST_NEEDLESS = 1e-3
 NOT_BUILT = {"D29": "normal maps"}
 
