@@ -188,15 +188,6 @@ def refusal_of(monkeypatch, capsys):
     return run
 
 
-def test_digits_need_a_package_and_say_so_first(without, refusal_of):
-    without("mpmath")
-    error = refusal_of(["calibrate.py"])
-    assert error == (
-        "calibrate.py: 60 digits need the package mpmath: pip install 'hybrid-rt[dev]', or pass "
-        "--digits-hits 0\n"
-    )
-
-
 def test_spots_that_cannot_be_drawn_are_said_before_they_are_traced(
     without, tmp_path, monkeypatch, refusal_of
 ):
@@ -215,7 +206,7 @@ def test_spots_that_cannot_be_drawn_are_said_before_they_are_traced(
         (
             [
                 "calibrate.py", "--integrator", "whitted", "--picture", "caustic edge",
-                "--blur-seeds", "0", "--hits", "0", "--digits-hits", "0",
+                "--blur-seeds", "0", "--hits", "0", "--exact-hits", "0",
             ],
             "no picture is by whitted: 'caustic edge' is by ppm. Pass one of these as --integrator, or",
         ),

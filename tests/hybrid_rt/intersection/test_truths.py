@@ -233,3 +233,30 @@ def test_bilinear_patch_has_both_roots_of_its_quadratic():
     clear = slope > 1e-3
     assert hits.hit.all()
     np.testing.assert_allclose(hits.t[clear], first[clear], rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("length", [1e-200, 1e-9, 1.0, 1e9, 1e200])
+def test_axes_of_any_length_are_scaled_to_one(length):
+    tube = SurfaceOfRevolution([(0, 1), (1, 1)], (0, 0, 0), (0, 0, length))
+    assert Intersector([tube]).intersect((5, 0, 0.5), (-1, 0, 0)).t[0] == 4.0
+
+
+def test_the_exit_is_seen_from_behind():
+    sphere = Sphere((0.3, -0.2, 0.5), 0.7)
+    hits = Intersector([sphere]).intersect(np.tile(sphere.center, (3, 1)), np.eye(3))
+    np.testing.assert_allclose(hits.t, 0.7, rtol=1e-15)
+    assert not hits.front_face.any()
+
+
+def test_coincident_spheres_squares_and_patches_tie():
+    rng = np.random.default_rng(12)
+    d = rng.normal(size=(2000, 3))
+    hits = Intersector([Sphere((0, 0, 0), 1)] * 3).intersect(-5 * d, d)
+    assert set(hits.object_id.tolist()) == {0}
+    square = BezierPatches([[[(-1, -1, 0), (-1, 1, 0)], [(1, -1, 0), (1, 1, 0)]]])
+    flat = [square, square, Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0))]
+    origins = rng.uniform((-0.9, -0.9, 3), (0.9, 0.9, 3), (500, 3))
+    for order in ((0, 1, 2), (2, 1, 0)):
+        hits = Intersector([flat[k] for k in order]).intersect(origins, (0, 0, -1))
+        assert (hits.t == 3.0).all()
+        assert (hits.object_id == 0).all()

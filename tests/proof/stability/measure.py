@@ -14,11 +14,11 @@ import numpy as np
 
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, Status
 from hybrid_rt.intersection import Intersector
-from proof.cases.catalogue import CATALOGUE, MOST_PIECES
+from proof.cases.catalogue import MOST_PIECES
 from proof.cases.singular_rays import size_of
 from proof.exact.judge import BatchVerdict
 from proof.judge import Judge
-from proof.stability.row import Effort, Outcome
+from proof.stability.row import Outcome
 
 EPS = 2.0**-52
 BAND = 64 * EPS
@@ -30,8 +30,6 @@ COLUMNS = (
     "t_bound",
 )  # fmt: skip
 DISTANCES = tuple(10.0**-k for k in range(1, 15))
-# A full run traces so many times the rays of a case of the catalogue.
-MORE = 10.0
 # Of the rays of a row, this share may be left open by exact arithmetic, or be wrong and say TANGENT.
 MOST_OPEN = 0.1
 
@@ -221,27 +219,3 @@ def by_times(
         wrong=int(wrong.sum()), error=float((error / allowed).max(initial=0.0)),
         broken=int(over.sum()),
     )  # fmt: skip
-
-
-def catalogue(case_id: str, effort: Effort) -> Outcome:
-    """Run the cases of the catalogue with an id: by given distances, or by the judges."""
-    total = Outcome()
-    cases = [case for case in CATALOGUE if case.id == case_id]
-    if not cases:
-        raise ValueError(f"{case_id}: no case of the catalogue")
-    for case in cases:
-        surfaces = case.surfaces()
-        origins, directions = case.rays(surfaces, MORE * effort.factor, effort.seed)
-        if case.t is None:
-            found = by_judges(surfaces, origins, directions, most_pieces=case.most_pieces)
-        else:
-            found = by_times(
-                surfaces, origins, directions, case.t(origins, directions),
-                most_error=case.most_error, most_pieces=case.most_pieces,
-            )  # fmt: skip
-            undecided = found.undecided
-            found = found.checked(
-                undecided < 0.2 * found.rays, f"{case.name}: {undecided} rays are undecided"
-            )
-        total = total + found
-    return total

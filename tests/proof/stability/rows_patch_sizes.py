@@ -21,10 +21,9 @@ from proof.exact.truth import ExactScene
 from proof.stability.measure import (
     EPS,
     LEAST_COSINE,
-    catalogue,
     differences,
 )
-from proof.stability.measure_exact import by_exact, exact_errors
+from proof.stability.measure_exact import by_exact, catalogue, exact_errors
 from proof.stability.patch_nets import bumpy_net, cosines
 from proof.stability.row import Effort, Outcome, Plot, row
 

@@ -10,12 +10,15 @@ CAUSTICS = "integrators/photons/test_caustics.py::test_"
 EDGES = "intersection/test_sharp_edges.py::test_"
 FRESNEL = "shading/test_fresnel.py::test_"
 FURNACE = "integrators/path/test_furnace.py::TestFurnace::test_"
+EVERY_KIND = "intersection/test_every_kind.py::test_"
 HITS = "intersection/test_certified.py::test_"
 LIGHT_FOUND = "integrators/test_light_found.py::test_"
 MATERIALS = "materials/test_materials.py::test_"
 NURBS = "../meshing/test_nurbs.py::test_"
 PLACES = "intersection/test_instances.py::test_"
+POLES = "intersection/test_patch_poles.py::test_"
 PPM = "integrators/photons/test_ppm.py::test_"
+RATIONAL = "intersection/test_rational.py::test_"
 RINGS = "lights/test_trimmed.py::test_"
 REFUSALS = "primitives/test_refusals.py::test_"
 SEAMS = "intersection/test_trims_across_seams.py::test_"
@@ -34,6 +37,44 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
         f"{REFUSALS}refused_with_a_name",
     )),
     ("A16", "control points that are no numbers", "refusal", (f"{REFUSALS}refused_with_a_name",)),
+    ("A27", "rational patches with weights that are none", "refusal", (
+        "../meshing/test_rational.py::test_bad_weights_are_refused_by_name",
+        "../meshing/test_rational.py::test_negative_weights_are_refused",
+        f"{NURBS}bad_arguments_are_refused_by_name",
+    )),
+    ("A28", "rational patches with weights 1e-6 to 1", "closed form; exact crossings", (
+        f"{RATIONAL}the_pace_of_the_parameters_changes_no_hit",
+        f"{RATIONAL}quadrics_by_their_closed_form",
+        f"{RATIONAL}hard_rays_by_exact_crossings",
+    )),
+    ("A31", "NURBS with breaks and spans of nothing", "the basis functions; exact crossings", (
+        f"{NURBS}points_are_those_of_scipy",
+        f"{NURBS}one_patch_for_each_span_and_shared_borders_to_the_bit",
+        f"{NURBS}a_break_leaves_two_sheets",
+        f"{RATIONAL}hard_rays_by_exact_crossings",
+    )),
+    ("A32", "nets of wrong shape or type, mixed degrees", "refusal; exact arithmetic", (
+        f"{REFUSALS}refused_with_a_name",
+        "core/test_extremes.py::test_lists_and_integers_are_taken",
+        "intersection/test_degrees.py::test_mixed_degrees_agree_with_embree_and_with_a_fine_mesh",
+        "../proof_tests/judges/test_hits.py::test_certified_hits_are_right",
+    )),
+    ("A36", "normals beside collapsed edges", "closed form", (
+        f"{POLES}normals_beside_a_collapsed_edge_have_all_digits",
+        f"{POLES}hits_beside_the_pole_of_a_sphere",
+    )),
+    ("D03", "directions that are no unit vectors", "identity", (
+        f"{EVERY_KIND}powers_of_two_change_no_bit",
+        f"{HITS}limits_of_t",
+    )),
+    ("F05", "rays that leave a sphere which passes near 0", "closed form", (
+        "intersection/test_departures.py::test_spheres_that_pass_near_zero_are_not_met_again",
+    )),
+    ("F06", "by way of Embree and without, random surfaces", "identity", (
+        "intersection/test_turned_singular.py::test_both_ways_give_the_same_bits",
+        "../proof_tests/judges/test_hits.py::test_hits_are_the_same_without_a_coarse_stage",
+        "../proof_tests/stability/test_fuzz.py::test_hits_on_surfaces_of_one_class",
+    )),
     ("A33", "NURBS far from 0, given and moved", "de Boor's algorithm in fractions", (
         "intersection/test_bounds_of_what_was_given.py::test_nurbs",
     )),
@@ -43,9 +84,44 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
         "intersection/test_bounds_of_what_was_given.py::test_knots_that_are_nearly_equal",
         f"{SEAMS}loops_that_overlap_themselves_after_a_turn_are_refused",
     )),
+    ("A26", "t_max just before and behind the hit", "the hit itself", (
+        f"{HITS}limits_of_t",
+        "intersection/test_limits.py::test_what_the_bound_leaves_open_says_so",
+    )),
+    ("B06", "ray equal to the axis", "closed form", (
+        "intersection/test_turned_singular.py::test_rays_along_the_axis_meet_it_on_every_side",
+        "intersection/test_truths.py::test_ray_along_the_axis_meets_the_pole",
+    )),
+    ("B12", "closed profile", "parity; the quartic", (
+        "intersection/test_crossings.py::test_closed_bodies_are_left_as_often_as_entered",
+        "intersection/test_crossings.py::test_a_shared_edge_counts_once",
+        "intersection/test_crossings.py::test_counts_of_a_torus_are_those_of_its_quartic",
+    )),
+    ("B19", "axes of any length but zero", "refusal; closed form", (
+        f"{REFUSALS}refused_with_a_name",
+        "intersection/test_truths.py::test_axes_of_any_length_are_scaled_to_one",
+    )),
     ("B08", "profile that crosses the axis", "refusal", (f"{REFUSALS}refused_with_a_name",)),
     ("C04", "radius 0", "refusal", (f"{REFUSALS}refused_with_a_name",)),
     ("C05", "negative radius", "refusal", (f"{REFUSALS}refused_with_a_name",)),
+    ("C06", "radius nan or inf, sizes at the ends of the range", "refusals; closed form", (
+        f"{REFUSALS}refused_with_a_name",
+        "core/test_checks.py::test_scaling_beyond_all_scenes_is_refused_for_its_size",
+        "../proof_tests/cases/test_catalogue.py::test_sizes_at_the_ends_of_the_range",
+    )),
+    ("C07", "origin on the sphere", "closed form", (
+        "intersection/test_truths.py::test_origin_on_a_sphere_finds_the_other_side",
+        "intersection/test_departures.py::test_spheres_that_pass_near_zero_are_not_met_again",
+    )),
+    ("C08", "origin inside", "closed form; exact roots", (
+        "intersection/test_truths.py::test_spheres_of_any_size_and_distance",
+        "intersection/test_truths.py::test_the_exit_is_seen_from_behind",
+    )),
+    ("C11", "coincident surfaces", "the lower object is hit", (
+        f"{HITS}ties_go_to_the_lower_object",
+        f"{EVERY_KIND}equal_surfaces_tie",
+        "intersection/test_truths.py::test_coincident_spheres_squares_and_patches_tie",
+    )),
     ("D01", "direction of length zero", "refusal", (f"{HITS}bad_rays_are_refused",)),
     ("D04", "batches of any size", "identity", (
         f"{HITS}order_batches_and_threads_change_no_bit",

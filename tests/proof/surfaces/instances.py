@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray
+from hybrid_rt.core.records import FloatArray, HitRecord, IntArray
 from hybrid_rt.primitives.instances import Instances
 from proof.exact.crossings import (
     Crosser,
@@ -20,7 +20,6 @@ from proof.exact.crossings import (
     rational,
     rationals,
 )
-from proof.filters.kernels.first import N_COLUMNS, UNSURE_FROM
 from proof.surface import ExactSurface, Gap, IsTouched, SurfaceFilter, exact_of, filter_of
 
 
@@ -139,15 +138,6 @@ class InstancesFilter(SurfaceFilter, of=Instances):
     def __init__(self, surface: Instances) -> None:
         super().__init__(surface)
         self._members = [filter_of(member) for member in surface.surfaces]
-
-    def first(
-        self, origins: FloatArray, directions: FloatArray, leaves: BoolArray, hit_t: FloatArray
-    ) -> FloatArray:
-        """Say that nothing is certain."""
-        del directions, leaves, hit_t
-        out = np.zeros((len(origins), N_COLUMNS))
-        out[:, UNSURE_FROM] = -np.inf
-        return out
 
     def gap(
         self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray

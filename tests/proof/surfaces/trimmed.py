@@ -118,7 +118,3 @@ class TrimmedFilter(SurfaceFilter, of=TrimmedSurface):
         if self.surface.joined_spans is not None:
             u, v = within_patch(self.surface.joined_spans, u, v, patch)
         return self._whole.gap(origins, along, u, v, patch)
-
-    def ball(self) -> tuple[FloatArray, float]:
-        """Return middle and diameter of the whole surface."""
-        return self._whole.ball()
