@@ -43,15 +43,22 @@ HOME = {"placements": ("home",)}
 
 # Sets on which no fault has ever been seen, cheap ones of every kind and aim: they stay so.
 CLEAN = (
-    "spindle", "torus, tangents", "cone, along rulings", "joint, smooth", "rulings, parallel",
-    "patch tangents", "collapsed edge", "sphere, tangents", "sphere, leaving", "plane, nearly within",
+    "spindle", "cone tip", "egg poles", "lens tips", "rim", "joint, sharp", "joint, smooth", "joint, leaving",
+    "torus, tangents", "cone, along rulings", "rational torus, tangents", "rational torus, leaving",
+    "part of a torus, ends", "part of a cylinder, ends", "part, leaving", "uneven weights",
+    "rulings, parallel", "patch tangents", "collapsed edge", "lune", "uneven lune",
+    "cuspidal edge", "open border", "shared edge, sharp", "edges of a cube of patches",
+    "rational, leaving", "sphere, tangents", "sphere, leaving", "plane, nearly within",
+    "skew box, leaving", "open mesh, edges", "mesh edges and vertices",
 )  # fmt: skip
 
 
 @pytest.mark.parametrize("name", CLEAN)
 def test_no_promise_is_broken(name):
-    places = {"distances": DISTANCES[:11:2], "placements": ("home", "turned")}
-    group = result(SINGULAR, name, 36, 3, marks=True, **places)
+    # Images of meshes and closed forms are rounded, which asks for marks; the judge knows them rounded.
+    places = tuple(PLACEMENTS)[: 2 if SETS[name].kind in ("mesh", "closed") else None]
+    cells = {"distances": DISTANCES[:15:3], "placements": places}
+    group = result(SINGULAR, name, 10 * len(places), 3, marks=True, **cells)
     assert group.count.faults == 0, group.examples
     assert group.count.hits > 0
     assert group.count.left_open == 0
