@@ -48,7 +48,7 @@ CLEAN = (
     "part of a torus, ends", "part of a cylinder, ends", "part, leaving", "uneven weights",
     "rulings, parallel", "patch tangents", "collapsed edge", "lune", "uneven lune",
     "cuspidal edge", "open border", "shared edge, sharp", "edges of a cube of patches",
-    "rational, leaving", "sphere, tangents", "sphere, leaving", "plane, nearly within",
+    "rational, leaving", "rational poles", "rational seams", "sphere, tangents", "sphere, leaving", "plane, nearly within",
     "skew box, leaving", "open mesh, edges", "mesh edges and vertices",
 )  # fmt: skip
 
