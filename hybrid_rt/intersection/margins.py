@@ -92,7 +92,7 @@ class Probing(Protocol):
 
 def suspects(best: Nearest, kind_of: IntArray, kind: int) -> Rows:
     """Return the rows that are `SUSPECT` and whose hits are on a kind."""
-    rows: Rows = np.flatnonzero(best.tangent == SUSPECT).astype(np.int64)
+    rows: Rows = (best.tangent == SUSPECT).nonzero()[0]
     return rows[kind_of[best.object_id[rows]] == kind] if len(rows) else rows
 
 
