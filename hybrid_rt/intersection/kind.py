@@ -183,7 +183,7 @@ def cleared_record(record: HitRecord, n: int) -> HitRecord:
 
 def _filled(n: int, value: float, dtype: type) -> NDArray[Any]:
     """Return n equal numbers, as `numpy.full` does in twice the time where n is small."""
-    array = np.empty(n, dtype)
+    array: NDArray[Any] = np.empty(n, dtype)
     array.fill(value)
     return array
 
