@@ -29,7 +29,13 @@ from hybrid_rt.intersection.crossings import Crossings, find_crossings
 from hybrid_rt.intersection.kernels.search.counters import COUNTER_NAMES, MOST_PIECES
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.rays import Record, complete_rows
-from hybrid_rt.intersection.kind import Finished, new_nearest, new_record, rows_of
+from hybrid_rt.intersection.kind import (
+    Finished,
+    finished_part,
+    new_nearest,
+    new_record,
+    rows_of,
+)
 from hybrid_rt.intersection.kinds.closed_forms import closed_forms
 from hybrid_rt.intersection.kinds.registry import (
     ACCURACIES,
@@ -39,7 +45,7 @@ from hybrid_rt.intersection.kinds.registry import (
     make_kinds,
 )
 from hybrid_rt.intersection.limits import Limit
-from hybrid_rt.intersection.margins import Probing
+from hybrid_rt.intersection.margins import Probing, settle
 from hybrid_rt.intersection.ray_batch import Batch, make_batch
 from meshing.surface import Surface
 
@@ -244,7 +250,7 @@ class Intersector:
         n = len(batch)
         record = new_record(n)
         columns = Record(*(getattr(record, name) for name in Record._fields))
-        slots = Finished(*(getattr(record, name) for name in Finished._fields))
+        slots = finished_part(record)
         tallies: list[FloatArray] = []
         watches: list[Stopwatch] = []
 
@@ -260,7 +266,7 @@ class Intersector:
             out = rows_of(slots, begin, end)
             self._finish(direct, rays, best, out)
             for number, kind in self._probing:
-                kind.settle(rays, best, self._kind_of, number, out, tally)
+                settle(kind, number, self._kind_of, rays, best, out, tally)
             limit.apply(best, out.flags)
             complete_rows(rays.direction, unit, best, rows_of(columns, begin, end), totals)
             tallies.append(tally)
@@ -388,8 +394,7 @@ class Intersector:
         rays, _, _ = make_batch(none, none, 0.0, np.inf, None, None, self._reach, self._pool).rows(
             0, 0
         )
-        best, record = new_nearest(np.empty(0)), new_record(0)
-        out = Finished(*(getattr(record, name) for name in Finished._fields))
+        best, out = new_nearest(np.empty(0)), finished_part(new_record(0))
         self._finish(self._direct_kinds(0), rays, best, out)
 
     def _finish(self, direct: Sequence[Any], rays: Rays, best: Nearest, out: Finished) -> None:

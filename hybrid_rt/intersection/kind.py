@@ -157,6 +157,11 @@ def new_record(n: int) -> HitRecord:
     )
 
 
+def finished_part(record: HitRecord) -> Finished:
+    """Return the columns that kinds fill."""
+    return Finished(*(getattr(record, name) for name in Finished._fields))
+
+
 def rows_of(batch: Any, begin: int, end: int) -> Any:
     """Return a named tuple of views of the rows; empty arrays stay empty."""
     return type(batch)(*(x[begin:end] if len(x) else x for x in batch))

@@ -46,8 +46,7 @@ from hybrid_rt.intersection.kernels.search.tolerances import DEPTH, UNIT_ROUNDOF
 from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_stack
 from hybrid_rt.intersection.kind import Finished, rows_of, widen_bounds
 from hybrid_rt.intersection.kinds.closed_poles import closed_poles
-from hybrid_rt.intersection.margins import Aim, Rows, suspects
-from hybrid_rt.intersection.margins import settle as settle_rows
+from hybrid_rt.intersection.margins import Aim, Rows, Search
 from hybrid_rt.intersection.sheets import Sheets
 from hybrid_rt.intersection.trims import may_hold_hits, no_trim, trim_of, trimmed_of, whole_of
 from meshing import BezierPatches, TrimmedSurface
@@ -283,45 +282,55 @@ class PatchKind:
         )  # fmt: skip
         return accepted
 
-    def settle(
+    @property
+    def frame(self) -> float:
+        """Size of all patches, world units."""
+        return 1.0 / self.table.to_frame
+
+    def aim(self, rays: Rays, best: Nearest, out: Finished, rows: Rows) -> Aim:
+        """Return where to displace rays whose hits are in doubt."""
+        n = len(rows)
+        aim = Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
+        aim_at_patches(self._told, rays, best, out, rows, _new_basis(self.table), *aim)
+        return aim
+
+    @property
+    def searches(self) -> tuple[Search, Search]:
+        """Newton from the hit, then the search."""
+        return self._follow, self._search
+
+    def _follow(
         self,
-        rays: Rays,
-        best: Nearest,
-        kind_of: IntArray,
-        kind: int,
-        out: Finished,
+        probes: Rays,
+        aside: FloatArray,
+        before: Nearest,
+        rows: Rows,
+        nearest: Nearest,
         work: FloatArray,
     ) -> None:
-        """Find the hits on patches that moving the ray by the band would lose."""
-        rows = suspects(best, kind_of, kind)
-        if not len(rows):
-            return
-        table, n = self.table, len(rows)
-        aim = Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
-        aim_at_patches(self._told, rays, best, out, rows, _new_basis(table), *aim)
+        # A point stands for a triangle, of which the first corner counts.
+        k, m = before.primitive[rows], len(rows)
+        corners = np.repeat(np.column_stack([before.a[rows], before.b[rows]])[:, None], 3, axis=1)
+        points = CoarseTriangles(
+            np.empty((0, 3)), np.empty((0, 3), np.int64), self.table.object_id[k],
+            self.table.patch_id[k], corners,
+        )  # fmt: skip
+        starts = CoarseHits(np.arange(m, dtype=np.int32), before.t[rows], np.zeros(m), np.zeros(m))
+        self._refine(starts, points, self._first_patch, np.arange(m), probes, aside, nearest)
+        work[NEWTONS] += m
 
-        def follow(probes: Rays, which: Rows, aside: FloatArray, nearest: Nearest) -> None:
-            # A point stands for a triangle, of which the first corner counts.
-            k, m = best.primitive[which], len(which)
-            corners = np.repeat(np.column_stack([best.a[which], best.b[which]])[:, None], 3, axis=1)
-            points = CoarseTriangles(
-                np.empty((0, 3)), np.empty((0, 3), np.int64), table.object_id[k], table.patch_id[k],
-                corners,
-            )  # fmt: skip
-            starts = CoarseHits(
-                np.arange(m, dtype=np.int32), best.t[which], np.zeros(m), np.zeros(m)
-            )
-            self._refine(starts, points, self._first_patch, np.arange(m), probes, aside, nearest)
-            work[NEWTONS] += m
-
-        def retrace(probes: Rays, _: Rows, aside: FloatArray, nearest: Nearest) -> None:
-            moves = table.to_frame * aside
-            self._trace(probes, moves, _NO_CELLS, nearest, False, np.empty(0), work)
-
-        def describe(probes: Rays, nearest: Nearest, found: Finished) -> None:
-            self.finish(probes, nearest, kind_of, kind, found)
-
-        settle_rows(rows, rays, best, out, aim, 1.0 / table.to_frame, [follow, retrace], describe)
+    def _search(
+        self,
+        probes: Rays,
+        aside: FloatArray,
+        before: Nearest,
+        rows: Rows,
+        nearest: Nearest,
+        work: FloatArray,
+    ) -> None:
+        del before, rows
+        moves = self.table.to_frame * aside
+        self._trace(probes, moves, _NO_CELLS, nearest, False, np.empty(0), work)
 
     def _first_of(self, coarse: Coarse) -> NDArray[np.int64]:
         """Return for each object its first patch here, -1 for objects of other kinds."""

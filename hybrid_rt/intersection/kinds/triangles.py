@@ -21,8 +21,7 @@ from hybrid_rt.intersection.kernels.triangle import (
     trace_triangles,
 )
 from hybrid_rt.intersection.kind import Finished
-from hybrid_rt.intersection.margins import Aim, Rows, suspects
-from hybrid_rt.intersection.margins import settle as settle_rows
+from hybrid_rt.intersection.margins import Aim, Rows, Search
 from hybrid_rt.primitives import TriangleMesh
 
 if TYPE_CHECKING:
@@ -111,31 +110,36 @@ class TriangleKind:
         """Describe the hits that are on meshes."""
         finish_triangles(self.table, rays, best, kind_of, kind, out)
 
-    def settle(
+    @property
+    def frame(self) -> float:
+        """Size of all meshes, world units."""
+        return 1.0 / self.table.to_frame
+
+    def aim(self, rays: Rays, best: Nearest, out: Finished, rows: Rows) -> Aim:
+        """Return where to displace rays whose hits are in doubt."""
+        del out
+        n = len(rows)
+        aim = Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
+        aim_at_triangles(self.table, rays, best, rows, *aim)
+        return aim
+
+    @property
+    def searches(self) -> tuple[Search]:
+        """The search alone: in a tree of triangles there is nothing quicker."""
+        return (self._search,)
+
+    def _search(
         self,
-        rays: Rays,
-        best: Nearest,
-        kind_of: IntArray,
-        kind: int,
-        out: Finished,
+        probes: Rays,
+        aside: FloatArray,
+        before: Nearest,
+        rows: Rows,
+        nearest: Nearest,
         work: FloatArray,
     ) -> None:
-        """Find the hits on meshes that moving the ray by the band would lose."""
-        rows = suspects(best, kind_of, kind)
-        if not len(rows):
-            return
-        table, n = self.table, len(rows)
-        aim = Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
-        aim_at_triangles(table, rays, best, rows, *aim)
-
-        def retrace(probes: Rays, _: Rows, aside: FloatArray, nearest: Nearest) -> None:
-            stack = new_stack(self.tree)
-            trace_triangles(table, self.tree, probes, aside, nearest, False, stack, work)
-
-        def describe(probes: Rays, nearest: Nearest, found: Finished) -> None:
-            self.finish(probes, nearest, kind_of, kind, found)
-
-        settle_rows(rows, rays, best, out, aim, 1.0 / table.to_frame, [retrace], describe)
+        del before, rows
+        stack = new_stack(self.tree)
+        trace_triangles(self.table, self.tree, probes, aside, nearest, False, stack, work)
 
 
 def _longest_side(corners: FloatArray) -> float:
