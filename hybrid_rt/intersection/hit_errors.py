@@ -14,19 +14,11 @@ from hybrid_rt.intersection.intersector import Intersector
 
 @dataclass(frozen=True)
 class Certified:
-    """Certified hits of n rays, and the next crossing of each ray.
+    """Certified hits of n rays, and the next crossing of each ray."""
 
-    Attributes
-    ----------
-    directions : (n, 3) float64
-    hits : HitRecord of n rows
-    next_t : (n,) float64
-        inf if there is none.
-    """
-
-    directions: FloatArray
-    hits: HitRecord
-    next_t: FloatArray
+    directions: FloatArray  # (n, 3)
+    hits: HitRecord  # HitRecord of n rows
+    next_t: FloatArray  # (n,): inf if there is none
 
     def __getitem__(self, rows: BoolArray) -> Certified:
         """Return some of the rays."""
@@ -35,17 +27,10 @@ class Certified:
 
 @dataclass(frozen=True)
 class Errors:
-    """First hits of one method against certified ones.
+    """First hits of one method against certified ones."""
 
-    Attributes
-    ----------
-    wrong_hits : WrongHits
-        Without rays of status TANGENT.
-    mean, worst : float
-        |t - exact t| over the correct hits, scene units.
-    """
-
-    wrong_hits: WrongHits
+    wrong_hits: WrongHits  # Without rays of status TANGENT
+    # |t - exact t| over the correct hits, scene units
     mean: float
     worst: float
 

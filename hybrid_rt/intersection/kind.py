@@ -69,10 +69,7 @@ class CurvedKind(Kind, Protocol):
     def guesses(self, coarse: Any, hits: CoarseHits) -> IntArray:
         """Return the initial guess for `trace` of each ray, (n,) int32; -1 for none.
 
-        Parameters
-        ----------
-        coarse : Coarse
-        hits : CoarseHits of n rows
+        ``hits``, CoarseHits of n rows.
         """
         ...
 
@@ -87,16 +84,10 @@ class CurvedKind(Kind, Protocol):
     ) -> None:
         """Refine coarse hits of this kind and lower ``best[rows]`` to them.
 
-        Parameters
-        ----------
-        coarse : Coarse
-        hits : CoarseHits of k rows, none of them a miss
-        rows : (k,) int64
-            Indices of the hits' rays.
-        rays : Rays of n rows
-        best : Nearest of n rows, changed
-        accepted : (k,) bool, changed
-            Set where a root was accepted.
+        ``hits``, CoarseHits of k rows, none of them a miss; ``rays``, Rays of n rows; ``best``,
+        Nearest of n rows, changed.
+        ``rows`` (k,) int64: indices of the hits' rays.
+        ``accepted`` (k,) bool, changed: set where a root was accepted.
         """
         ...
 

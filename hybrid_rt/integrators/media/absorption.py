@@ -48,13 +48,10 @@ def unclosed_bodies(context: RenderContext) -> tuple[dict[str, int], dict[str, i
     Such rays left a dielectric without having entered it, or never left it. Planes bound
     half-spaces, so they do not count.
 
-    Returns
-    -------
-    not_closed : dict
-        Of dielectrics with a surface that may be open; the names are those of such surfaces.
-    lost : dict
-        Of those made of spheres, boxes and tori, which are closed: their normals point inward, or
-        there are too many within each other.
+    Returns ``not_closed``: of dielectrics with a surface that may be open; the names are those of
+    such surfaces.
+    ``lost``: of those made of spheres, boxes and tori, which are closed: their normals point
+    inward, or there are too many within each other.
     """
     scene = context.scene
     not_closed: dict[str, int] = {}

@@ -36,12 +36,7 @@ LAST = 1.0 - 2.0**-53
 
 
 class Branching:
-    """See the module.
-
-    Parameters
-    ----------
-    context : RenderContext
-    """
+    """See the module."""
 
     def __init__(self, context: RenderContext) -> None:
         scene = context.scene

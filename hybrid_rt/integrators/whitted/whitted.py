@@ -39,33 +39,18 @@ LEAST_CONTRIBUTION = 1e-3
 
 @dataclass(frozen=True)
 class Branches:
-    """Active rays, in the order of their camera rays.
+    """Active rays, in the order of their camera rays."""
 
-    Attributes
-    ----------
-    depth : int
-        Number of reflections and refractions so far.
-    camera_ray : (n,) int64
-        Row in the block of camera rays.
-    node : (n,) uint64
-        Key of the branch's random numbers: its place in the ray tree, 1 at the camera.
-    origins, directions : (n, 3) float64
-        Directions are unit vectors.
-    throughput : (n, 3) float64
-    media : (n, STACK) int32
-        Medium stacks; (n, 0) if the scene has no dielectric.
-    source : HitRecord or None
-        Hits that the rays leave; None at the camera.
-    """
-
-    depth: int
-    camera_ray: NDArray[np.int64]
+    depth: int  # Number of reflections and refractions so far
+    camera_ray: NDArray[np.int64]  # (n,) int64: row in the block of camera rays
+    # (n,) uint64: key of the branch's random numbers: its place in the ray tree, 1 at the camera
     node: UIntArray
+    # (n, 3): directions are unit vectors
     origins: FloatArray
     directions: FloatArray
-    throughput: FloatArray
-    media: IntArray
-    source: HitRecord | None
+    throughput: FloatArray  # (n, 3)
+    media: IntArray  # (n, STACK) int32: medium stacks; (n, 0) if the scene has no dielectric
+    source: HitRecord | None  # Hits that the rays leave; None at the camera
 
     def __len__(self) -> int:
         """Return the number of rays."""
@@ -79,12 +64,7 @@ class Branches:
 
 
 class Whitted(Integrator):
-    """See the module; `Integrator` for what it offers.
-
-    Parameters
-    ----------
-    context : RenderContext
-    """
+    """See the module; `Integrator` for what it offers."""
 
     def __init__(self, context: RenderContext) -> None:
         super().__init__(context)

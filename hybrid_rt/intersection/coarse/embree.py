@@ -28,10 +28,7 @@ ROUNDED = 1e-5
 class CoarseScene:
     """Triangles in Embree.
 
-    Parameters
-    ----------
-    vertices : (v, 3) float64, world frame
-    faces : (f, 3) integer
+    ``vertices`` (v, 3), world frame; ``faces`` (f, 3) integer.
     """
 
     def __init__(self, vertices: FloatArray, faces: NDArray[np.integer[Any]]) -> None:

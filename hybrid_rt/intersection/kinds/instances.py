@@ -67,11 +67,8 @@ class _Model:
 class InstanceKind:
     """First hits on surfaces in many places.
 
-    Parameters
-    ----------
-    members : sequence of (object id, Instances)
-    make : callable
-        Checks surfaces, and returns their `hybrid_rt.intersection.kinds.registry.Kinds`.
+    ``members``, sequence of (object id, Instances).
+    ``make``: checks surfaces, and returns their `hybrid_rt.intersection.kinds.registry.Kinds`.
     """
 
     def __init__(self, members: Sequence[tuple[int, Instances]], make: Make) -> None:

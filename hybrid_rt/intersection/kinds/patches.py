@@ -84,15 +84,11 @@ class _Nets(NamedTuple):
 class PatchKind:
     """First hits on Bezier patches, all polynomial or all rational.
 
-    Parameters
-    ----------
-    members : sequence of (object id, BezierPatches, PatchSheet or TrimmedSurface of one of them)
-        All of them rational, or none, and all of them trimmed, or none; else TypeError.
-    pool : Pool
-        Shares the work of building.
-    finest : int
-        Largest number of cells per side of a patch. 0: no cells and no hierarchy, so only `refine`
-        and `finish` work.
+    ``members``, sequence of (object id, BezierPatches, PatchSheet or TrimmedSurface of one of
+    them): all of them rational, or none, and all of them trimmed, or none; else TypeError.
+    ``pool``: shares the work of building.
+    ``finest``: largest number of cells per side of a patch. 0: no cells and no hierarchy, so only
+    `refine` and `finish` work.
     """
 
     def __init__(

@@ -71,32 +71,21 @@ class Entry:
 
 
 class Kinds(NamedTuple):
-    """The kinds in a scene.
+    """The kinds in a scene."""
 
-    Attributes
-    ----------
-    direct, curved : kinds without and with a coarse stage
-    kind_of : (objects,) int32, index of each object's kind in ``direct + curved``
-    in_embree : object ids and surfaces with a coarse stage
-    plan : which features are used, with reasons
-    """
-
+    # kinds without and with a coarse stage
     direct: list[Kind]
     curved: list[CurvedKind]
-    kind_of: IntArray
-    in_embree: Members
-    plan: dict[str, dict[str, str]]
+    kind_of: IntArray  # (objects,) int32, index of each object's kind in ``direct + curved``
+    in_embree: Members  # object ids and surfaces with a coarse stage
+    plan: dict[str, dict[str, str]]  # which features are used, with reasons
 
 
 def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
     """Check and return the surfaces.
 
-    Raises
-    ------
-    TypeError
-        If an item is not a surface of a registered class.
-    ValueError
-        If one is too large, too small or too far away for float64 to compute with.
+    Raises TypeError if an item is not a surface of a registered class.
+    Raises ValueError if one is too large, too small or too far away for float64 to compute with.
     """
     for i, surface in enumerate(surfaces):
         if _entry_of(surface) is None:
@@ -141,12 +130,7 @@ def count_by_kind(surfaces: Sequence[Surface]) -> dict[str, int]:
 def make_kinds(surfaces: Sequence[Surface], accuracy: str, pool: Pool) -> Kinds:
     """Build the kinds that occur in a scene.
 
-    Parameters
-    ----------
-    surfaces : sequence of surfaces
-    accuracy : {"certified", "refined", "mesh"}
-    pool : Pool
-        Shares the work of building.
+    ``pool``: shares the work of building.
     """
     kinds = Kinds([], [], np.full(len(surfaces), -1, np.int32), [], {"used": {}, "left_out": {}})
     by_name = _members_of(surfaces)

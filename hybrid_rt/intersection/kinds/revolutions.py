@@ -63,12 +63,9 @@ STRAIGHT = 1e-10
 class RevolutionKind:
     """First hits on surfaces of revolution.
 
-    Parameters
-    ----------
-    members : sequence of (object id, SurfaceOfRevolution or TrimmedSurface of one)
-        All of them trimmed, or none; else TypeError.
-    many : int
-        Number of surfaces from which on a tree is used.
+    ``members``, sequence of (object id, SurfaceOfRevolution or TrimmedSurface of one): all of them
+    trimmed, or none; else TypeError.
+    ``many``: number of surfaces from which on a tree is used.
     """
 
     def __init__(

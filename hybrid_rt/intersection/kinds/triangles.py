@@ -35,10 +35,7 @@ LEAF_SIZE = 4
 class TriangleKind:
     """First hits on triangle meshes.
 
-    Parameters
-    ----------
-    meshes : sequence of (object id, TriangleMesh)
-    search : whether `trace` is needed: a tree; else only `refine` and `finish` work
+    ``meshes``, sequence of (object id, TriangleMesh).
     """
 
     def __init__(self, meshes: Sequence[tuple[int, TriangleMesh]], search: bool = True) -> None:
