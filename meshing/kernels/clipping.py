@@ -230,12 +230,9 @@ def turn_inside_left(chords, at_left, at_bottom, base, turned):
     A line from the middle of a chord to the left side crosses chords; so does the way from there down to
     the corner. From chords that are rather flat it goes down, and then to the left.
 
-    Parameters
-    ----------
-    at_left, at_bottom : v and u of chords' ends on these sides of the rectangle
-        One at the bottom left corner is among those on the left.
-    base : bool
-        Whether it is inside just above the bottom side, beside that corner.
+    ``at_left``, ``at_bottom``, v and u of chords' ends on these sides of the rectangle: one at the
+    bottom left corner is among those on the left.
+    ``base``: whether it is inside just above the bottom side, beside that corner.
     """
     n = chords.shape[0]
     for i in range(n):

@@ -215,17 +215,9 @@ def state_of_tile(table, m, u, v):
 def classify(table, m, u, v, du, dv):
     """Tell on which side of the loops of member m a point of the unit square is.
 
-    Parameters
-    ----------
-    du, dv : float
-        Half sides of a rectangle about it; what rounding makes of the curves is added.
-
-    Returns
-    -------
-    is_inside : bool
-        Whether parity is odd.
-    may_be_near : bool
-        Whether a curve may enter the rectangle; if not, the side is certain.
+    ``du``, ``dv``: half sides of a rectangle about it; what rounding makes of the curves is added.
+    Returns ``is_inside``: whether parity is odd.
+    ``may_be_near``: whether a curve may enter the rectangle; if not, the side is certain.
     """
     u, v = min(max(u, WITHIN), 1.0 - WITHIN), min(max(v, WITHIN), 1.0 - WITHIN)
     du += table.error[m]

@@ -229,12 +229,8 @@ def _mean_tangents(net, seen, degree_u, degree_v):
 def _bounds_along_tangents(seen, degree_u, degree_v, tangents, slop, reach):
     """Tell whether boxes along both tangents meet the ray: narrow together where they are nearly parallel.
 
-    Returns
-    -------
-    is_met, is_beside : bool
-        Within the reach of the ray; beyond the slop of it.
-    long, thin : float
-        Sides of the box along the longer tangent, and across it.
+    Returns ``is_met``, ``is_beside``: within the reach of the ray; beyond the slop of it.
+    ``long``, ``thin``: sides of the box along the longer tangent, and across it.
     """
     au, av, bu, bv = tangents
     is_beside = False
@@ -279,10 +275,7 @@ def _offer_touch(i, near, t, thick, n_dot_d, slop, length, patch, ray, rays, bes
 
     ``near`` is what `approach` returns, ``thick`` how far the piece, around t, extends along the ray.
 
-    Returns
-    -------
-    passes, is_hit : bool
-        Loops leave it out; it was offered, and is ahead.
+    Returns ``passes``, ``is_hit``: loops leave it out; it was offered, and is ahead.
     """
     u, v, t_near, gap, there = near
     # Ray and surface are apart by less than the piece is thick, for a length of that thickness over
@@ -313,12 +306,9 @@ def _offer_touch(i, near, t, thick, n_dot_d, slop, length, patch, ray, rays, bes
 def _test_piece(net, spare, degree_u, degree_v, rational, tangents, slop, reach):
     """Look by the Krawczyk test how far the tangents of a piece turn, through the inverse of their mean.
 
-    Returns
-    -------
-    outcome : int
-        `TURNING`; `HOLDS_NONE`; `HOLDS_ONE` at most; `CONTRACTS`: Newton from the piece does.
-    start_u, start_v : float
-        Where Newton begins, half sides of the piece from its middle.
+    Returns ``outcome``: `TURNING`; `HOLDS_NONE`; `HOLDS_ONE` at most; `CONTRACTS`: Newton from the
+    piece does.
+    ``start_u``, ``start_v``: where Newton begins, half sides of the piece from its middle.
     """
     au, av, bu, bv = tangents
     det = au * bv - av * bu
@@ -360,12 +350,9 @@ def _test_piece(net, spare, degree_u, degree_v, rational, tangents, slop, reach)
 def _refine_from(i, u, v, t, place, contracts, patch, ray, band, rays, best, counters):
     """Start Newton at (u, v, t) in a piece, and offer the root if it is the piece's own.
 
-    Returns
-    -------
-    t : float
-        Where the iteration ended.
-    has_converged, is_settled, is_hit : bool
-        It did; nothing is left to be found in the piece; its root is the nearest so far.
+    Returns ``t``: where the iteration ended.
+    ``has_converged``, ``is_settled``, ``is_hit``: it did; nothing is left to be found in the piece;
+    its root is the nearest so far.
     """
     um, vm, hu, hv = place
     counters[NEWTONS] += 1
