@@ -124,10 +124,7 @@ class Workers:
     """
 
     def __init__(
-        self,
-        context: RenderContext,
-        threads: int,
-        make: Callable[[RenderContext], Integrator],
+        self, context: RenderContext, threads: int, make: Callable[[RenderContext], Integrator]
     ) -> None:
         self.context = context
         self._contexts = [_own_counters(context) for _ in range(threads)]

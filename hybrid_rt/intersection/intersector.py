@@ -29,13 +29,7 @@ from hybrid_rt.intersection.crossings import Crossings, find_crossings
 from hybrid_rt.intersection.kernels.search.counters import COUNTER_NAMES, MOST_PIECES
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.rays import Record, complete_rows
-from hybrid_rt.intersection.kind import (
-    Finished,
-    finished_part,
-    new_nearest,
-    new_record,
-    rows_of,
-)
+from hybrid_rt.intersection.kind import Finished, finished_part, new_nearest, new_record, rows_of
 from hybrid_rt.intersection.kinds.closed_forms import closed_forms
 from hybrid_rt.intersection.kinds.registry import (
     ACCURACIES,

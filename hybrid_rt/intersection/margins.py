@@ -16,13 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
-from hybrid_rt.intersection.kernels.search.nearest import (
-    CLEAR,
-    SUSPECT,
-    WITHIN_BAND,
-    Nearest,
-    Rays,
-)
+from hybrid_rt.intersection.kernels.search.nearest import CLEAR, SUSPECT, WITHIN_BAND, Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tolerances import CLEAR_CROSSING
 from hybrid_rt.intersection.kind import Finished, Kind, finished_part, new_nearest, new_record
 from hybrid_rt.intersection.ray_batch import locked

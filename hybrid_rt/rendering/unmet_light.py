@@ -103,9 +103,7 @@ def unmet_place(scene: CompiledScene, check: CrossCheck | None, film: Film, n_ra
 def interval_of_noise(noise: MeanNoise) -> float:
     """Return half the 95 % interval of the image mean that its noise gives."""
     return half_interval_of_mean(
-        noise.standard_error_of_image_mean,
-        noise.interval_factor,
-        noise.bright_path_in_image_mean,
+        noise.standard_error_of_image_mean, noise.interval_factor, noise.bright_path_in_image_mean
     )
 
 

@@ -131,12 +131,7 @@ class Field(ABC):
         """
 
     def _add(
-        self,
-        pairs: Pairs,
-        radius: FloatArray,
-        points: Points,
-        xi: FloatArray,
-        sums: Sums,
+        self, pairs: Pairs, radius: FloatArray, points: Points, xi: FloatArray, sums: Sums
     ) -> None:
         add_photons(
             *pairs, radius, self._lobes, points.vertices, points.is_direct, self.photons, xi, sums

@@ -209,12 +209,7 @@ class PhotonTracer:
         return Photons(*(column[:n].copy() for column in out))
 
     def _onward(
-        self,
-        flight: Flight,
-        shading: Shading,
-        second: IntArray,
-        step: int,
-        goes_on: bool,
+        self, flight: Flight, shading: Shading, second: IntArray, step: int, goes_on: bool
     ) -> Flight:
         """Choose where each photon goes; return those that go on."""
         hits, material, n = shading.hits, shading.material, flight.number.size

@@ -56,14 +56,7 @@ from hybrid_rt.scene.plan import make_plan
 from hybrid_rt.sensor.passes import GROUPS, RUN
 from hybrid_rt.shading.kernels.bsdf import LobeTable
 from hybrid_rt.shading.kernels.emitter import UNWEIGHTED
-from hybrid_rt.shading.kernels.lobes.register import (
-    DELTA,
-    EVERY,
-    FOLLOWED,
-    NARROW,
-    TRANSMITS,
-    WIDE,
-)
+from hybrid_rt.shading.kernels.lobes.register import DELTA, EVERY, FOLLOWED, NARROW, TRANSMITS, WIDE
 
 # Of more lights so many are chosen by each group of passes: each takes launches of its own.
 MOST_LIGHTS = 32

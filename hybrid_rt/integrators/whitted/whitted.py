@@ -17,12 +17,7 @@ from numpy.typing import NDArray
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import NO_CONNECTION, largest_channel
-from hybrid_rt.integrators.integrator import (
-    BLOCK,
-    FIRST_PATH_DIMENSION,
-    CameraBlock,
-    Integrator,
-)
+from hybrid_rt.integrators.integrator import BLOCK, FIRST_PATH_DIMENSION, CameraBlock, Integrator
 from hybrid_rt.integrators.kernels.compaction import add_to_pixels
 from hybrid_rt.integrators.media.absorption import absorb, square_of_index
 from hybrid_rt.integrators.shading import NO_RATIO, Shading, glass_branches

@@ -136,12 +136,7 @@ class InstanceSlice:
             self._walk(members, rays, best, any_hit, work)
 
     def _walk(
-        self,
-        members: Any,
-        rays: Rays,
-        best: Nearest,
-        any_hit: bool,
-        work: FloatArray,
+        self, members: Any, rays: Rays, best: Nearest, any_hit: bool, work: FloatArray
     ) -> None:
         """Walk through one tree: in each round each ray comes to its next places, and is traced there."""
         n, places = len(best.t), self._kind.places

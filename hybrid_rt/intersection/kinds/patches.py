@@ -35,11 +35,7 @@ from hybrid_rt.intersection.kernels.patch.trace import (
     settle_doubts,
     trace_patches,
 )
-from hybrid_rt.intersection.kernels.search.coarse import (
-    CoarseHits,
-    CoarseTriangles,
-    guess_cells,
-)
+from hybrid_rt.intersection.kernels.search.coarse import CoarseHits, CoarseTriangles, guess_cells
 from hybrid_rt.intersection.kernels.search.counters import NEWTONS
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tolerances import DEPTH, UNIT_ROUNDOFF
