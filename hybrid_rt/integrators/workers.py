@@ -114,13 +114,8 @@ class Counts:
 class Workers:
     """Integrators that run in parallel.
 
-    Parameters
-    ----------
-    context : RenderContext
-        Its tracer and sampler run in the calling thread.
-    threads : int
-    make : callable
-        Takes a context, returns an `Integrator`.
+    ``context``: its tracer and sampler run in the calling thread.
+    ``make``: takes a context, returns an `Integrator`.
     """
 
     def __init__(

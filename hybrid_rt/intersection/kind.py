@@ -97,12 +97,8 @@ def widen_bounds(
 ) -> None:
     """Add to bounds of t what lies between a surface as it is traced and as it was given.
 
-    Parameters
-    ----------
-    moved : (primitives,) float64
-        Bound on their distance, world units.
-    rays, best, kind_of, kind, out
-        As for `Kind.finish`, after it.
+    ``moved`` (primitives,): bound on their distance, world units.
+    ``rays``, ``best``, ``kind_of``, ``kind``, ``out``: as for `Kind.finish`, after it.
     """
     if not moved.any():
         return

@@ -20,16 +20,10 @@ def absorb(
 ) -> None:
     """Attenuate throughput by the Beer-Lambert law between ray origins and hits.
 
-    Parameters
-    ----------
-    context : RenderContext
-    media : (n, STACK) int32, changed
-        Medium stacks of the rays, see `hybrid_rt.shading.kernels.medium_stack`.
-    material : (n,) int32
-    hits : HitRecord of n rows
-    second : (n,) int32, or (0,)
-        Faces that coincide with the hits: see `Contacts.at`.
-    carried : (n, 3) float64, changed
+    ``material`` (n,) int32; ``hits``, HitRecord of n rows; ``carried`` (n, 3), changed.
+    ``media`` (n, STACK) int32, changed: medium stacks of the rays, see
+    `hybrid_rt.shading.kernels.medium_stack`.
+    ``second`` (n,) int32, or (0,): faces that coincide with the hits: see `Contacts.at`.
     """
     if context.plan["medium stack"]:
         scene = context.scene

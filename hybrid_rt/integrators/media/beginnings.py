@@ -182,15 +182,10 @@ class MediaAroundLights:
     def at(self, light: IntArray, origins: FloatArray, directions: FloatArray) -> IntArray:
         """Return the medium stack of each beginning.
 
-        Parameters
-        ----------
-        light : (n,) int
-            The lights that they leave; the number of lights stands for the environment.
-        origins, directions : (n, 3) float64
-
-        Returns
-        -------
-        (n, STACK) int32; (n, 0) if the scene has no dielectric
+        ``origins``, ``directions`` (n, 3).
+        ``light`` (n,) int: the lights that they leave; the number of lights stands for the
+        environment.
+        Returns (n, STACK) int32; (n, 0) if the scene has no dielectric.
         """
         media: IntArray = self._around.take(light, axis=0)
         rows = np.flatnonzero(self.differs[light])

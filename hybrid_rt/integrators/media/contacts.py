@@ -64,13 +64,10 @@ class Contacts:
     ) -> IntArray:
         """Return the second face of each hit, (n,) int32: see `hybrid_rt.shading.kernels.medium_stack`.
 
-        Parameters
-        ----------
-        hits : HitRecord of n rows, changed
-            A hit on a dielectric that lies on an opaque surface becomes a hit on the latter.
-        origins, directions : (n, 3) float64
-        source : HitRecord or NamedPoints of n rows, or None
-            Surface points that the rays leave.
+        ``origins``, ``directions`` (n, 3).
+        ``hits``, HitRecord of n rows, changed: a hit on a dielectric that lies on an opaque surface
+        becomes a hit on the latter.
+        ``source``, HitRecord or NamedPoints of n rows, or None: surface points that the rays leave.
         """
         second = np.zeros(len(hits), dtype=np.int32)
         rows = np.flatnonzero(hits.hit & self._touches[hits.object_id])

@@ -153,10 +153,9 @@ def meet(control, start, degree, ray, after, s, t, noise):
 def rounding(degree, size, ray, t):
     """Bound what rounding makes of both equations near a root: see docs/rounding_turned.md.
 
-    Returns
-    -------
-    noise : of evaluating them for the ray as it is held, the same for every piece
-    error : of all: twice the noise, as they are only solved up to that, and that of the ray itself
+    Returns ``noise`` of evaluating them for the ray as it is held, the same for every piece.
+    ``error`` of all: twice the noise, as they are only solved up to that, and that of the ray
+    itself.
     """
     way = abs(t) * ray[LENGTH]
     along = abs(t + ray[BASE]) * ray[LENGTH]
