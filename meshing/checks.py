@@ -45,6 +45,8 @@ def text_of(error: BaseException) -> str:
 
 def as_floats(value: ArrayLike, what: str) -> FloatArray:
     """Return real numbers as a float64 array; refuse all else, and rows of unequal length."""
+    if type(value) is np.ndarray and value.dtype == np.float64 and value.flags.c_contiguous:
+        return value
     refuse_mask(value, what)
     try:
         array = np.asarray(value)

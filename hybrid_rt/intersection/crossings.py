@@ -117,6 +117,7 @@ def find_crossings(
     o, d, shape = as_rays(origins, directions)
     lowest, highest = as_limit(t_min, "t_min", shape), as_limit(t_max, "t_max", shape)
     n = len(o)
+    highest = np.broadcast_to(highest, n)
     active, last = np.arange(n), None
     parts: list[HitRecord] = []
     rays: list[NDArray[np.int64]] = []

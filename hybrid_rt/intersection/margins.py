@@ -85,7 +85,7 @@ def settle(
     Their rays are displaced by the band, and traced and described again: do they still hit? All kinds
     have described their hits in ``out``; ``number`` is that of this kind in ``kind_of``.
     """
-    rows: Rows = np.flatnonzero(best.tangent == SUSPECT)
+    rows: Rows = (best.tangent == SUSPECT).nonzero()[0]
     rows = rows[kind_of[best.object_id[rows]] == number]
     if not len(rows):
         return

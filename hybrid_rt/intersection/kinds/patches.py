@@ -168,6 +168,8 @@ class PatchKind:
         # The sum of `rounding_of_root` has room for one rounding of a patch's size.
         moved = np.repeat([s.moved for _, s in surfaces], counts)
         self._moved = np.where(moved * to_frame > UNIT_ROUNDOFF * size, moved, 0.0)
+        self._is_moved = bool(self._moved.any())
+        self._widest, self._is_bicubic = int(degree.max()) + 1, bool((degree == 3).all())
         self._first_patch = np.full(int(object_id.max()) + 1, -1, np.int64)
         for (i, _), first in zip(surfaces, np.cumsum([0, *counts[:-1]]), strict=True):
             self._first_patch[i] = first
@@ -219,7 +221,7 @@ class PatchKind:
         work: FloatArray,
     ) -> None:
         """Trace rays, moved by ``aside`` in lengths of the frame; the rest is as in the kernel."""
-        scratch = _new_scratch(self.table, self.tree, len(best.t))
+        scratch = self._new_scratch(len(best.t))
         begin, n = 0, len(best.t)
         while begin < n:
             some, nearest = rows_of(rays, begin, n), rows_of(best, begin, n)
@@ -270,7 +272,7 @@ class PatchKind:
         accepted = np.zeros(len(rows), np.bool_)
         refine_patches(
             self._told, hits, triangles, first, rows, rays, self.table.to_frame * aside, best,
-            _new_basis(self.table), accepted,
+            self._new_basis(), accepted,
         )  # fmt: skip
         return accepted
 
@@ -283,7 +285,7 @@ class PatchKind:
         """Return where to displace rays whose hits are in doubt."""
         n = len(rows)
         aim = Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
-        aim_at_patches(self._told, rays, best, out, rows, _new_basis(self.table), *aim)
+        aim_at_patches(self._told, rays, best, out, rows, self._new_basis(), *aim)
         return aim
 
     @property
@@ -324,6 +326,23 @@ class PatchKind:
         moves = self.table.to_frame * aside
         self._trace(probes, moves, _NO_CELLS, nearest, False, np.empty(0), work)
 
+    def _new_basis(self) -> FloatArray:
+        """Return scratch for Bernstein polynomials."""
+        return np.empty((4, self._widest))
+
+    def _new_scratch(self, n_rays: int) -> PatchScratch:
+        """Return scratch for one call of `trace_patches`."""
+        widest = self._widest
+        return PatchScratch(
+            basis=None if self._is_bicubic else self._new_basis(),
+            nets=np.empty((DEPTH, widest, widest, 4)),
+            room=np.empty((widest, widest, 3)),
+            boxes=np.empty((DEPTH, 4)),
+            stack=new_stack(self.tree, MORE),
+            # Room for every record once, by one ray; memory that is not touched costs nothing.
+            queue=np.empty((len(self.table.record) + n_rays, 2), np.int32),
+        )
+
     def _first_of(self, coarse: Coarse) -> NDArray[np.int64]:
         """Return for each object its first patch here, -1 for objects of other kinds."""
         first = np.full(coarse.n_objects, -1, np.int64)
@@ -334,8 +353,9 @@ class PatchKind:
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
     ) -> None:
         """Describe the hits that are on patches."""
-        finish_patches(self._told, rays, best, kind_of, kind, _new_basis(self.table), out)
-        widen_bounds(self._moved, rays, best, kind_of, kind, out)
+        finish_patches(self._told, rays, best, kind_of, kind, self._new_basis(), out)
+        if self._is_moved:
+            widen_bounds(self._moved, rays, best, kind_of, kind, out)
         if self._sheets is not None:
             self._sheets.finish(best.object_id, out)
 
@@ -454,22 +474,3 @@ def _fastest(net: FloatArray) -> tuple[float, float]:
 
 def _longest(vectors: FloatArray) -> float:
     return float(np.linalg.norm(vectors, axis=-1).max(initial=0.0))
-
-
-def _new_basis(table: PatchTable) -> FloatArray:
-    """Return scratch for Bernstein polynomials."""
-    return np.empty((4, int(table.degree.max()) + 1))
-
-
-def _new_scratch(table: PatchTable, tree: Tree, n_rays: int) -> PatchScratch:
-    """Return scratch for one call of `trace_patches`."""
-    widest = int(table.degree.max()) + 1
-    return PatchScratch(
-        basis=None if (table.degree == 3).all() else _new_basis(table),
-        nets=np.empty((DEPTH, widest, widest, 4)),
-        room=np.empty((widest, widest, 3)),
-        boxes=np.empty((DEPTH, 4)),
-        stack=new_stack(tree, MORE),
-        # Room for every record once, by one ray; memory that is not touched costs nothing.
-        queue=np.empty((len(table.record) + n_rays, 2), np.int32),
-    )

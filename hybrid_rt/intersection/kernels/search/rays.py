@@ -58,9 +58,9 @@ def _complain(what, i, first_bad, n_bad):
 
 @kernel
 def check_rays(origin, direction, farthest, first_bad, n_bad):
-    """Count the rays with each complaint: ``n_bad`` (5,), and their first rows: ``first_bad``.
+    """Count the rays with each complaint, ``n_bad`` (5,), zero before; return the sum.
 
-    Before: 0 and -1.
+    ``first_bad`` (5,) receives the first row of each complaint there is.
     """
     for i in range(origin.shape[0]):
         largest = 0.0
@@ -81,6 +81,7 @@ def check_rays(origin, direction, farthest, first_bad, n_bad):
             _complain(DIRECTION_ZERO, i, first_bad, n_bad)
         elif largest < SMALLEST:
             _complain(DIRECTION_TOO_SHORT, i, first_bad, n_bad)
+    return n_bad.sum()
 
 
 @inlined
@@ -115,12 +116,13 @@ def scaled_limit(t_max, unit):
 def scale_rays(direction, t_min, t_max, scaled, unit, lowest, highest):
     """Scale directions (n, 3); see `scale_ray`.
 
-    ``unit`` (n,) receives the power of two; limits of t (n,) become those of the scaled direction.
+    ``unit`` (n,) receives the power of two. Limits of t, (n,) or one for all (1,), become those of
+    the scaled directions: ``lowest`` and ``highest`` (n,).
     """
     for i in range(direction.shape[0]):
         unit[i] = scale_ray(direction, i, scaled, i)
-        lowest[i] = t_min[i] / unit[i]
-        highest[i] = scaled_limit(t_max[i], unit[i])
+        lowest[i] = t_min[min(i, t_min.size - 1)] / unit[i]
+        highest[i] = scaled_limit(t_max[min(i, t_max.size - 1)], unit[i])
 
 
 @inlined
