@@ -47,9 +47,17 @@ class Aim(NamedTuple):
     is_edge: BoolArray  # (k,) bool: there is one border nearby, and nothing else
 
 
-# Given k displaced rays, the k lengths of the world by which (k, 3), what all rays have hit and which of
-# these rows they are: lowers what is nearest; counts its work.
-Search: TypeAlias = Callable[[Rays, FloatArray, Nearest, Rows, Nearest, FloatArray], None]
+class Probes(NamedTuple):
+    """Displaced rays, k rows, and where they come from."""
+
+    rays: Rays  # where they were before
+    aside: FloatArray  # (k, 3) float64: by what to displace them, world units
+    before: Nearest  # what all rays of the slice have hit
+    rows: Rows  # (k,) which of these they are
+
+
+# Displaces rays, lowers what is nearest to them, and counts its work.
+Search: TypeAlias = Callable[[Probes, Nearest, FloatArray], None]
 
 
 @runtime_checkable
@@ -105,7 +113,7 @@ def settle(
         probes, band = _rows_of(here, k), aim.band[k]
         _widen(probes, band * np.maximum(1.0, 1.0 / length[k]))
         found, record = new_nearest(t[k] + 2.0 * widest / length[k]), new_record(len(k))
-        search(probes, aside, best, rows[k], found, work)
+        search(Probes(probes, aside, best, rows[k]), found, work)
         kind.finish(probes, found, kind_of, number, finished_part(record))
         with np.errstate(all="ignore"):  # normals of misses are nothing
             slack = SAME * band * (1.0 / slope[k] + 1.0 / _slopes(record.normal, probes))

@@ -42,7 +42,7 @@ from hybrid_rt.intersection.kernels.search.tolerances import DEPTH, UNIT_ROUNDOF
 from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_stack
 from hybrid_rt.intersection.kind import Finished, rows_of, widen_bounds
 from hybrid_rt.intersection.kinds.closed_poles import closed_poles
-from hybrid_rt.intersection.margins import Aim, Rows, Search
+from hybrid_rt.intersection.margins import Aim, Probes, Rows, Search
 from hybrid_rt.intersection.sheets import Sheets
 from hybrid_rt.intersection.trims import may_hold_hits, no_trim, trim_of, trimmed_of, whole_of
 from meshing import BezierPatches, TrimmedSurface
@@ -293,38 +293,24 @@ class PatchKind:
         """Newton from the hit, then the search."""
         return self._follow, self._search
 
-    def _follow(
-        self,
-        probes: Rays,
-        aside: FloatArray,
-        before: Nearest,
-        rows: Rows,
-        nearest: Nearest,
-        work: FloatArray,
-    ) -> None:
+    def _follow(self, probes: Probes, nearest: Nearest, work: FloatArray) -> None:
         # A point stands for a triangle, of which the first corner counts.
+        before, rows, table = probes.before, probes.rows, self.table
         k, m = before.primitive[rows], len(rows)
         corners = np.repeat(np.column_stack([before.a[rows], before.b[rows]])[:, None], 3, axis=1)
         points = CoarseTriangles(
-            np.empty((0, 3)), np.empty((0, 3), np.int64), self.table.object_id[k],
-            self.table.patch_id[k], corners,
+            np.empty((0, 3)), np.empty((0, 3), np.int64), table.object_id[k], table.patch_id[k],
+            corners,
         )  # fmt: skip
         starts = CoarseHits(np.arange(m, dtype=np.int32), before.t[rows], np.zeros(m), np.zeros(m))
-        self._refine(starts, points, self._first_patch, np.arange(m), probes, aside, nearest)
+        self._refine(
+            starts, points, self._first_patch, np.arange(m), probes.rays, probes.aside, nearest
+        )
         work[NEWTONS] += m
 
-    def _search(
-        self,
-        probes: Rays,
-        aside: FloatArray,
-        before: Nearest,
-        rows: Rows,
-        nearest: Nearest,
-        work: FloatArray,
-    ) -> None:
-        del before, rows
-        moves = self.table.to_frame * aside
-        self._trace(probes, moves, _NO_CELLS, nearest, False, np.empty(0), work)
+    def _search(self, probes: Probes, nearest: Nearest, work: FloatArray) -> None:
+        moves = self.table.to_frame * probes.aside
+        self._trace(probes.rays, moves, _NO_CELLS, nearest, False, np.empty(0), work)
 
     def _new_basis(self) -> FloatArray:
         """Return scratch for Bernstein polynomials."""

@@ -22,7 +22,7 @@ from hybrid_rt.intersection.kernels.triangle import (
     trace_triangles,
 )
 from hybrid_rt.intersection.kind import Finished
-from hybrid_rt.intersection.margins import Aim, Rows, Search
+from hybrid_rt.intersection.margins import Aim, Probes, Rows, Search
 from hybrid_rt.intersection.members import SMALL_PART, frame_of, in_frames, tree_over
 from hybrid_rt.primitives import TriangleMesh
 
@@ -140,17 +140,8 @@ class TriangleKind:
         """The search alone: in a tree of triangles there is nothing quicker."""
         return (self._search,)
 
-    def _search(
-        self,
-        probes: Rays,
-        aside: FloatArray,
-        before: Nearest,
-        rows: Rows,
-        nearest: Nearest,
-        work: FloatArray,
-    ) -> None:
-        del before, rows
-        self._trace(probes, aside, nearest, False, work)
+    def _search(self, probes: Probes, nearest: Nearest, work: FloatArray) -> None:
+        self._trace(probes.rays, probes.aside, nearest, False, work)
 
 
 def _longest_side(corners: FloatArray) -> float:
