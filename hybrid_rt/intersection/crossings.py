@@ -184,8 +184,7 @@ def _met_again(
 
 def _slopes(hits: HitRecord, directions: FloatArray) -> FloatArray:
     """Return the directions' parts along the normals; nan for misses."""
-    slopes: FloatArray = np.einsum("ij,ij->i", hits.normal, directions)
-    return slopes
+    return np.einsum("ij,ij->i", hits.normal, directions)
 
 
 def _rounding(hits: HitRecord, reach: FloatArray) -> FloatArray:

@@ -48,7 +48,6 @@ class Kind(Protocol):
         work : (counters,) float64, changed
             Tally of `hybrid_rt.intersection.kernels.search.counters.COUNTER_NAMES`.
         """
-        ...
 
     def finish(
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
@@ -65,7 +64,6 @@ class Kind(Protocol):
             Index of this kind in ``kind_of``.
         out : Finished of n rows, changed
         """
-        ...
 
 
 class CurvedKind(Kind, Protocol):
@@ -76,7 +74,6 @@ class CurvedKind(Kind, Protocol):
 
         ``hits``, CoarseHits of n rows.
         """
-        ...
 
     def refine(
         self,
@@ -94,7 +91,6 @@ class CurvedKind(Kind, Protocol):
         ``rows`` (k,) int64: indices of the hits' rays.
         ``accepted`` (k,) bool, changed: set where a root was accepted.
         """
-        ...
 
 
 def widen_bounds(

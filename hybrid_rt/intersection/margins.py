@@ -67,16 +67,13 @@ class Probing(Kind, Protocol):
     @property
     def frame(self) -> float:
         """Size of all its surfaces, world units."""
-        ...
 
     @property
     def searches(self) -> tuple[Search, ...]:
         """Its search; before it what may find the hit with less work, if there is such a thing."""
-        ...
 
     def aim(self, rays: Rays, best: Nearest, out: Finished, rows: Rows) -> Aim:
         """Return where to displace the rays of some rows."""
-        ...
 
 
 def settle(
@@ -160,8 +157,7 @@ def _rows_of(rays: Rays, rows: Rows) -> Rays:
 
 
 def _slopes(normals: FloatArray, rays: Rays) -> FloatArray:
-    slopes: FloatArray = np.abs(np.einsum("ij,ij->i", normals, rays.direction))
-    return slopes
+    return np.abs(np.einsum("ij,ij->i", normals, rays.direction))
 
 
 def _widen(probes: Rays, more: FloatArray) -> None:

@@ -355,8 +355,7 @@ class Film:
         return mean * size / (GROUPS - 2) / self._sums[0, :, :, 0].size
 
     def _mean(self) -> FloatArray:
-        mean: FloatArray = self._of_groups(slice(None)).sum(axis=0) / self.n_passes
-        return mean
+        return self._of_groups(slice(None)).sum(axis=0) / self.n_passes
 
     def _of_groups(self, rows: slice) -> FloatArray:
         """Return the sums over groups (GROUPS, rows, width, 3), with the present run in its own."""
@@ -369,8 +368,7 @@ class Film:
     def _grey(self, rows: slice) -> FloatArray:
         """Return the means of the channels of the sums over groups, (GROUPS, rows, width)."""
         # Einsum is many times as fast as mean over three channels.
-        grey: FloatArray = np.einsum("ghwc->ghw", self._of_groups(rows)) / 3.0
-        return grey
+        return np.einsum("ghwc->ghw", self._of_groups(rows)) / 3.0
 
     def _root_mean_squares(self) -> tuple[float, RelativeErrors]:
         """Return those of the pixels' standard errors, absolute and relative; nan after one pass."""
@@ -457,8 +455,7 @@ class Film:
         squares = np.zeros(sums.shape[1:])
         for sum_of_group, count in zip(sums, self._counts, strict=True):
             squares += (sum_of_group - count * mean) ** 2
-        variance: FloatArray = squares / float(self.n_passes**2 - np.square(self._counts).sum())
-        return variance
+        return squares / float(self.n_passes**2 - np.square(self._counts).sum())
 
 
 def _relative_errors(

@@ -53,11 +53,9 @@ def half_intervals(variances: FloatArray, freedom: int) -> FloatArray:
     ``freedom``: degrees of freedom of each, 1 to 14.
     """
     if variances.shape[0] * variances.shape[1] == 1:
-        alone: FloatArray = STUDENT[freedom - 1] * np.sqrt(variances)
-        return alone
+        return STUDENT[freedom - 1] * np.sqrt(variances)
     both = (variances + BORROWED * mean_of_neighbours(variances)) / (1.0 + BORROWED)
-    half: FloatArray = _STUDENT_OF_PIXELS[freedom - 1] * np.sqrt(both)
-    return half
+    return _STUDENT_OF_PIXELS[freedom - 1] * np.sqrt(both)
 
 
 def light_of_rare_paths(above: FloatArray, lowest: FloatArray) -> FloatArray:

@@ -69,5 +69,4 @@ def square_of_index(media: IntArray, lobes: LobeTable) -> FloatArray:
     ior = np.ones(len(media))
     if media.shape[1]:
         indices_within(ior, media, lobes)
-    square: FloatArray = ior * ior
-    return square
+    return ior * ior

@@ -91,8 +91,7 @@ class ThinPlaces:
             gaps = cKDTree(points.position[rows[n_met[rows] < stop]])
             ball = points.position[rows], AROUND * radius[rows]
             n_gaps, n = (tree.query_ball_point(*ball, return_length=True) for tree in (gaps, every))
-            share: FloatArray = n_gaps / n
-            return share
+            return n_gaps / n
 
         rows = np.arange(radius.size)
         # Most discs are full, and so are those around them, as few segments tell.

@@ -280,15 +280,13 @@ def _least(moments: FloatArray, quantile: float) -> FloatArray:
     root = np.maximum(1.0 - rare * rare / 9.0 - quantile * rare / 3.0, 0.0)
     is_rare = rare > 1e-6
     below = np.divide(error * (1.0 - root**3), rare, out=quantile * error, where=is_rare)
-    least: FloatArray = mean - below
-    return least
+    return mean - below
 
 
 def _event(moments: FloatArray) -> FloatArray:
     """Return the size of one event."""
     _, variance, third = moments
-    event: FloatArray = np.divide(third, variance, out=np.zeros_like(third), where=third > 0.0)
-    return event
+    return np.divide(third, variance, out=np.zeros_like(third), where=third > 0.0)
 
 
 def _brightest(position: FloatArray, light: FloatArray) -> float:

@@ -351,8 +351,7 @@ class EyePass(Integrator):
         self.context.ledger.rays["to photons"] += apart.size
         with self.context.ledger.stage("photons hidden"):
             blocked = self.context.tracer.occluded(origin[apart], way[apart], 1.0)
-        hidden: NDArray[np.intp] = rows[apart[blocked]]
-        return hidden
+        return rows[apart[blocked]]
 
     def _onward(
         self, paths: Paths, shading: Shading, second: IntArray, depth: int, radiance: FloatArray

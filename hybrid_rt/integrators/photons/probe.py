@@ -319,14 +319,12 @@ class Probe(PhotonTracer):
 
 def _number_of_group(number: NDArray[np.uint64]) -> NDArray[np.intp]:
     """Return the numbers of the `Group` of photons of `Probe.follow`."""
-    group: NDArray[np.intp] = ((number >> NUMBER_BITS) // np.uint64(GROUPS)).astype(np.intp)
-    return group
+    return ((number >> NUMBER_BITS) // np.uint64(GROUPS)).astype(np.intp)
 
 
 def group_of_photons(number: NDArray[np.uint64]) -> NDArray[np.intp]:
     """Return the group of passes of photons of `Probe.follow`."""
-    group: NDArray[np.intp] = ((number >> NUMBER_BITS) % np.uint64(GROUPS)).astype(np.intp)
-    return group
+    return ((number >> NUMBER_BITS) % np.uint64(GROUPS)).astype(np.intp)
 
 
 class View(EyePass):
@@ -363,8 +361,7 @@ class View(EyePass):
         n_pixels = scene.camera.width * scene.camera.height
         self.place = np.minimum(place * (n_pixels / n), n_pixels - 1).astype(np.int64)
         pixel = self.place.astype(np.uint64) + (name << PIXEL_BITS)
-        found: FloatArray = self.radiance_through(pixel, sample).mean(axis=1)
-        return found
+        return self.radiance_through(pixel, sample).mean(axis=1)
 
     def gather_photons(self, photons: Photons, group: NDArray[np.intp]) -> None:
         """Let the last camera rays gather photons, in turn those of each group of passes."""

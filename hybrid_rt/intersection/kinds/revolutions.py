@@ -266,8 +266,7 @@ def _from_rounded(surface: SurfaceOfRevolution, centre: float, point: FloatArray
     ]  # fmt: skip
     gap = np.array([float(x) for x in exact])
     frame = np.stack([surface.radial, surface.binormal, surface.axis])
-    turned: FloatArray = frame @ gap
-    return turned
+    return frame @ gap
 
 
 def _describe_end(
