@@ -1,7 +1,7 @@
 """Output channels (AOVs): geometry at pixel centres, and error estimates.
 
-The geometric channels come from one ray through the centre of each pixel and of the lens: they have no noise and
-are not antialiased.
+The geometric channels come from one ray through the centre of each pixel and of the lens: they have
+no noise and are not antialiased.
 """
 
 from __future__ import annotations
@@ -34,7 +34,6 @@ class Behind:
 
 
 OfPixels = Callable[[Behind], NDArray[Any]]
-OfPasses = Callable[[Film], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,7 @@ class Output:
 
     parts: tuple[str, ...]  # names of its components; (): one number per pixel
     of_pixels: OfPixels | None = None
-    of_passes: OfPasses | None = None
+    of_passes: Callable[[Film], FloatArray] | None = None
 
 
 def _albedo(behind: Behind) -> FloatArray:
