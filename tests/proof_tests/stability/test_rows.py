@@ -8,8 +8,8 @@ from proof.stability.row import IDS, NOT_BUILT, TESTS, Effort, all_rows
 ALL = all_rows()
 # What random search found is run in full by test_fuzz.
 ROWS = {i: row for i, row in ALL.items() if not row.tests and row.id in IDS}
-# Ten seconds each even so, of which D33 is L08 by another name.
-LONG = {"D33", "L12"}
+# Ten seconds; D33 is L08 by another name; test_cross_check runs F12, and test_covered_discs has L16.
+LONG = {"D33", "F12", "L12", "L16"}
 
 
 @pytest.mark.parametrize("test", sorted({test for row in ALL.values() for test in row.tests}))
