@@ -3,26 +3,74 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from hybrid_rt.distance.record import ClosestRecord
+from hybrid_rt.core import checks
+from hybrid_rt.core.records import BoolArray, FloatArray
+from hybrid_rt.core.threads import Pool
+from hybrid_rt.distance.kernels.build import boxes_of_cells, cells_of_edges, cells_of_sheets
+from hybrid_rt.distance.kernels.search import SLACK, closest_points
+from hybrid_rt.distance.kernels.table import (
+    ALONG_U,
+    ALONG_V,
+    ARC,
+    CELL_INTEGERS,
+    CELL_NUMBERS,
+    ERROR,
+    KIND,
+    MIDDLE,
+    SHEET,
+    SHEET_INTEGERS,
+    SHEET_NUMBERS,
+    SPAN,
+    TRIANGLE,
+    Answers,
+    Groups,
+    Shapes,
+)
+from hybrid_rt.distance.record import ClosestRecord, Closeness
+from hybrid_rt.distance.sheets import Frame, Owner, Sheets, add_sheets
+from hybrid_rt.distance.sides import Sides, is_closed
+from hybrid_rt.intersection.kernels.search.tree import build_tree
+from hybrid_rt.intersection.kinds.registry import check_surfaces
+from hybrid_rt.primitives import Plane
+from hybrid_rt.primitives.instances import Instances
+from meshing.checks import as_floats, shown
 from meshing.surface import Surface
+from meshing.trims import make_table
+
+# Cells in a leaf of the tree.
+LEAF = 4
+# What is left of a matrix times its inverse beside 1 counts this often.
+MATRIX_SLACK = 4.0
 
 
 class ClosestPoint:
-    """Finds the closest point of surfaces: built once, asked by batches of points.
+    """Finds the closest points of surfaces: built once, asked by batches of points.
+
+    The search is branch and bound over pieces of all surfaces, and over the curves that end them. Its answer is
+    proven as a first hit is: nothing that was left out is nearer than ``|distance| - bound``, in exact
+    arithmetic too.
 
     Parameters
     ----------
     surfaces : Surface or sequence of Surface
-        As of an `Intersector`; trimmed ones and `Instances` as well. Of a `CadModel` its ``surfaces``.
+        As of an `Intersector`; trimmed ones and `Instances` as well. Of a `CadModel` its ``surfaces``. Of a
+        `TrimmedSurface` what is inside the loops counts: its ``gap`` does not.
     closed : (surfaces,) bool array-like, optional
         Which of them bound closed bodies, alone or together: there distances are signed, negative on the side
         opposite to the normals. Of a `CadModel` its ``closed``. Default: those that are closed by
-        themselves (`Sphere`, `Box`, `Torus`, a `TriangleMesh` all of whose edges have two faces).
+        themselves (`Sphere`, `Box`, `Torus`, a `TriangleMesh` each of whose edges has two faces that agree).
     threads : int, optional
         Default: as many as this process may use. They change no bit of the result.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For what an `Intersector` refuses, no surface, and ``closed`` of another length.
     """
 
     def __init__(
@@ -32,7 +80,89 @@ class ClosestPoint:
         closed: ArrayLike | None = None,
         threads: int | None = None,
     ) -> None:
-        raise NotImplementedError
+        several = (surfaces,) if isinstance(surfaces, Surface) else checks.items(surfaces, "surfaces")
+        self.surfaces = check_surfaces(several)
+        if not self.surfaces:
+            raise ValueError("ClosestPoint surfaces is empty: pass at least one surface")
+        self._pool = Pool(threads)
+        self.closed = _as_closed(closed, self.surfaces)
+        self._sides = Sides(self.surfaces, self.closed, threads)
+        self._build()
+
+    def __repr__(self) -> str:
+        """Count surfaces and cells."""
+        n = len(self.surfaces)
+        return (
+            f"ClosestPoint({n} surface{'s' * (n > 1)}, {int(self.closed.sum())} of closed bodies; "
+            f"{len(self._shapes.cell):,} cells)"
+        )
+
+    def _build(self) -> None:
+        sheets, planes, places = Sheets(), [], list[tuple[Any, ...]]()
+        plain = [
+            (i, s) for i, s in enumerate(self.surfaces) if s.is_bounded and not isinstance(s, Instances)
+        ]
+        groups: list[tuple[Any, Any, Frame]] = []
+        if plain:
+            boxes = np.array([s.bounds for _, s in plain])
+            box = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+            groups.append((plain, None, Frame.about(box)))
+        for i, surface in enumerate(self.surfaces):
+            if isinstance(surface, Plane):
+                row = *surface.origin, *surface.unit_normal, i, surface.moved + surface.tilt + 2.0**-52
+                planes.append(row)
+            elif isinstance(surface, Instances):
+                boxes = np.array([s.bounds for s in surface.surfaces])
+                box = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+                members = [(i, s) for s in surface.surfaces]
+                groups.append((members, surface, Frame.about(box)))
+        for number, (members, instances, frame) in enumerate(groups):
+            first = 0
+            for i, surface in members:
+                add_sheets(surface, sheets, Owner(frame, number, i, first))
+                first += 0 if instances is None else len(surface)
+        self._planes = np.array(planes).reshape(-1, 8)
+        self._trims = make_table(sheets.trimmed)
+        self._shapes, group_of_cell = _cells(sheets, self._trims)
+        lower, upper = np.empty((len(group_of_cell), 3)), np.empty((len(group_of_cell), 3))
+        boxes_of_cells(self._shapes, self._shapes.cell, self._shapes.cell_id, lower, upper)
+        trees, roots, n_nodes, n_cells, depth = [], [], 0, 0, 0
+        error = np.array([number[ERROR] for number in sheets.number])
+        group_of_sheet = np.array(sheets.group)
+        boxes = []
+        self._place_of: list[tuple[int, int]] = []
+        for number, (_, instances, frame) in enumerate(groups):
+            rows = np.flatnonzero(group_of_cell == number)
+            if not len(rows):
+                raise ValueError(f"ClosestPoint surfaces[{groups[number][0][0][0]}] has no point inside its loops")
+            tree, links, order, stack = build_tree(lower[rows], upper[rows], LEAF)
+            is_leaf = links[:, 7] > 0
+            is_there = links[:, 6] >= 0
+            links[:, 6] += np.where(is_there, np.where(is_leaf, n_cells, n_nodes), 0).astype(np.int32)
+            trees.append((tree, links, rows[order].astype(np.int32)))
+            roots.append(n_nodes)
+            n_nodes, n_cells, depth = n_nodes + len(tree), n_cells + len(rows), max(depth, stack)
+            low, high = lower[rows].min(axis=0), upper[rows].max(axis=0)
+            most = float(error[group_of_sheet == number].max())
+            for row, (moves, box) in enumerate(_places(instances, frame, low, high, most)):
+                places.append((number, moves))
+                boxes.append(box)
+                self._place_of.append((-1 if instances is None else row, number))
+        top = _top_tree(np.array(boxes).reshape(-1, 2, 3))
+        self._groups = Groups(
+            np.concatenate([t[0] for t in trees]) if trees else np.empty((0, 8, 8), np.float32),
+            np.concatenate([t[1] for t in trees]) if trees else np.empty((0, 8, 8), np.int32),
+            np.concatenate([t[2] for t in trees]) if trees else np.empty(0, np.int32),
+            np.array(roots, np.int64),
+            np.array([number for number, _ in places], np.int64),
+            np.array([moves for _, moves in places]).reshape(-1, 15),
+            *top[:4], max(depth, top[4]) + 16,
+        )
+        # Of each place its row; of each object how many patches a place has.
+        self._row_of = np.array([row for row, _ in self._place_of] or [-1], np.int64)
+        self._n_patches = np.array([
+            s.n_patches if isinstance(s, Instances) else 0 for s in self.surfaces
+        ], np.int64)
 
     def query(self, points: ArrayLike) -> ClosestRecord:
         """Find the closest point of each of n points.
@@ -46,7 +176,59 @@ class ClosestPoint:
         -------
         ClosestRecord of n rows
         """
-        raise NotImplementedError
+        array = as_floats(points, "points")
+        if array.ndim < 1 or array.shape[-1] != 3:
+            raise ValueError(f"points has shape {array.shape}: pass (n, 3)")
+        array = np.ascontiguousarray(array.reshape(-1, 3))
+        for i in np.flatnonzero(~np.isfinite(array).all(axis=1))[:1]:
+            raise ValueError(f"points[{i}] is {shown(array[i].tolist())}: pass finite numbers")
+        n = len(array)
+        found = Answers(
+            *(np.empty(n) for _ in range(3)), np.empty(n, np.bool_), np.empty(n), np.empty(n),
+            np.empty((n, 3)), *(np.empty(n, np.int64) for _ in range(4)), np.empty(n, np.bool_),
+        )  # fmt: skip
+
+        def work(begin: int, end: int) -> None:
+            closest_points(
+                self._shapes, self._trims, self._groups, self._planes, array[begin:end],
+                Answers(*(column[begin:end] for column in found)),
+            )  # fmt: skip
+
+        self._pool.run(work, n)
+        return self._record(array, found)
+
+    def _record(self, points: FloatArray, found: Answers) -> ClosestRecord:
+        """Return what was found, with (u, v) across sheets, normals and sides."""
+        spans = self._shapes.sheet[found.sheet][:, SPAN : SPAN + 4]
+        u, v = found.u.copy(), found.v.copy()
+        on_sheet = found.sheet >= 0
+        u = np.where(u == 1.0, spans[:, 1], spans[:, 0] + u * (spans[:, 1] - spans[:, 0]))
+        v = np.where(v == 1.0, spans[:, 3], spans[:, 2] + v * (spans[:, 3] - spans[:, 2]))
+        row = np.where(on_sheet, self._row_of[found.place], -1)
+        patch = found.piece + np.maximum(row, 0) * self._n_patches[found.thing]
+        normal = np.empty_like(points)
+        on_edge = found.on_edge
+        order = np.argsort(found.thing, kind="stable")
+        ends = np.searchsorted(found.thing[order], np.arange(len(self.surfaces) + 1))
+        for k in np.unique(found.thing).tolist():
+            rows, surface = order[ends[k] : ends[k + 1]], self.surfaces[k]
+            if isinstance(surface, Plane):
+                at = found.position[rows][:, list(surface.axes)]
+                u[rows], v[rows] = (at % 1.0).T
+            normal[rows] = surface.normal(u[rows], v[rows], patch[rows])
+            if surface.is_bounded:
+                on_edge[rows] |= _at_border(surface, u[rows], v[rows])
+        slack = SLACK * found.error
+        loss = np.maximum(found.distance - found.least, 0.0)
+        status = np.where(found.several, Closeness.SEVERAL, Closeness.UNIQUE)
+        status = np.where(loss > SLACK * slack, Closeness.UNDECIDED, status).astype(np.uint8)
+        bound = loss + found.error + 2.0**-52 * found.distance
+        side = self._sides.of(points, found.position, normal, found.thing, found.distance, bound, on_edge)
+        return ClosestRecord(
+            np.where(side < 0, -found.distance, found.distance), bound, status, side,
+            found.thing.astype(np.int32), patch.astype(np.int32), row.astype(np.int32), u, v,
+            found.position, normal, on_edge,
+        )  # fmt: skip
 
 
 def closest_point(
@@ -56,5 +238,99 @@ def closest_point(
     closed: ArrayLike | None = None,
     threads: int | None = None,
 ) -> ClosestRecord:
-    """Find the closest points of surfaces once; of several batches by one `ClosestPoint`."""
+    """Find the closest points of surfaces once; see `ClosestPoint`, which takes several batches."""
     return ClosestPoint(surfaces, closed=closed, threads=threads).query(points)
+
+
+def _as_closed(closed: ArrayLike | None, surfaces: Sequence[Surface]) -> BoolArray:
+    if closed is None:
+        return np.array([is_closed(surface) for surface in surfaces], np.bool_)
+    array = np.asarray(closed)
+    if array.shape != (len(surfaces),) or array.dtype != np.bool_:
+        raise ValueError(
+            f"ClosestPoint closed is {shown(closed)}: pass True or False for each of {len(surfaces)} surfaces"
+        )
+    return array
+
+
+def _at_border(surface: Surface, u: FloatArray, v: FloatArray) -> BoolArray:
+    """Tell which points are on a border of the unit square that does not close."""
+    closes_u, closes_v = surface.closes
+    first, last = surface.poles
+    at = np.zeros(len(u), np.bool_)
+    if not closes_u:
+        at |= (u == 0.0) | (u == 1.0)
+    if not closes_v:
+        at |= ((v == 0.0) & (not first)) | ((v == 1.0) & (not last))
+    return at
+
+
+def _cells(sheets: Sheets, trims: Any) -> tuple[Shapes, NDArray[np.int64]]:
+    """Return all cells, and the group of each."""
+    nets = np.concatenate([*sheets.nets, np.zeros((1, 4))])
+    shapes = Shapes(
+        np.empty((0, CELL_NUMBERS)), np.empty((0, CELL_INTEGERS), np.int64),
+        np.array(sheets.number).reshape(-1, SHEET_NUMBERS),
+        np.array(sheets.whole, np.int64).reshape(-1, SHEET_INTEGERS), nets,
+    )  # fmt: skip
+    cells = []
+    edge = np.array(sheets.edge).reshape(-1, 2)
+    edge_id = np.array(sheets.edge_id, np.int64).reshape(-1, 4)
+    is_mesh = np.zeros(len(shapes.sheet), np.bool_)
+    is_mesh[[first for first, _ in sheets.triangles]] = True
+    for make in (
+        lambda *out: cells_of_sheets(shapes, trims, is_mesh, *out),
+        lambda *out: cells_of_edges(shapes, edge, edge_id, *out),
+    ):
+        # Counted first.
+        n = make(np.empty((0, CELL_NUMBERS)), np.empty((0, CELL_INTEGERS), np.int64))
+        both = np.empty((n, CELL_NUMBERS)), np.empty((n, CELL_INTEGERS), np.int64)
+        make(*both)
+        cells.append(both)
+    for sheet, corners in sheets.triangles:
+        number = np.zeros((len(corners), CELL_NUMBERS))
+        whole = np.zeros((len(corners), CELL_INTEGERS), np.int64)
+        number[:, MIDDLE : MIDDLE + 3] = corners[:, 0]
+        number[:, ALONG_U : ALONG_U + 3] = corners[:, 1] - corners[:, 0]
+        number[:, ALONG_V : ALONG_V + 3] = corners[:, 2] - corners[:, 0]
+        whole[:, KIND], whole[:, SHEET], whole[:, ARC] = TRIANGLE, sheet, np.arange(len(corners))
+        whole[:, ARC] += shapes.sheet_id[sheet, 7]
+        cells.append((number, whole))
+    cell, cell_id = (np.concatenate(columns) for columns in zip(*cells, strict=True))
+    return shapes._replace(cell=cell, cell_id=cell_id), np.array(sheets.group)[cell_id[:, SHEET]]
+
+
+def _places(
+    instances: Instances | None, frame: Frame, low: FloatArray, high: FloatArray, error: float
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Return the rows of `Groups.place` of a group, and boxes of the places in the world."""
+    matrices, scales = np.eye(4)[None, :3], np.ones(1)
+    if instances is not None:
+        matrices, scales = instances.matrices, instances.scale
+    found = []
+    for matrix, scale in zip(matrices, scales.tolist(), strict=True):
+        linear, unit = matrix[:, :3], scale * frame.unit
+        turned = linear @ frame.centre
+        shift = matrix[:, 3] + turned
+        inverse = linear.T / scale**2
+        off = float(np.abs(inverse @ linear - np.eye(3)).sum())
+        own = 0.0
+        if instances is not None:
+            terms = np.abs(matrix[:, 3]) + 4.0 * np.abs(linear) @ np.abs(frame.centre)
+            own = 2.0**-52 * float(terms.sum()) / unit
+        moves = np.concatenate([(inverse / frame.unit).ravel(), shift, [unit, error + own, MATRIX_SLACK * off]])
+        corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
+        there = shift + frame.unit * corners @ linear.T
+        found.append((moves, np.stack([there.min(axis=0), there.max(axis=0)])))
+    return found
+
+
+def _top_tree(boxes: FloatArray) -> tuple[Any, ...]:
+    """Return a tree over the boxes of places: nodes, links, order, frame, and how many may wait."""
+    if not len(boxes):
+        none = np.empty((0, 8, 8), np.float32)
+        return none, none.view(np.int32), np.empty(0, np.int32), np.array([0, 0, 0, 1.0]), 8
+    box = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+    frame = Frame.about(box)
+    rows, links, order, stack = build_tree(frame.place(boxes[:, 0]), frame.place(boxes[:, 1]), 1)
+    return rows, links, order, np.array([*frame.centre, frame.unit]), stack

@@ -1,0 +1,789 @@
+"""Closest points by branch and bound, certified.
+
+Cells come from a tree, the nearest first. About a point x* of a cell found by Newton's method on
+F(x) = |S(x) - p|^2 / 2, within the cell's sides,
+
+    F(x* + d) >= F* + g.d + 1/2 d^T (H* - E) d,   E_ij = 1/3 sum over k of |F_ijk| r_k,   |d_k| <= r_k,
+
+with |F_ijk| bounded by the bounds on derivatives. Where H* - E is positive definite, lambda its least
+eigenvalue, and g pushes outward at the sides that x* is on, F >= F* - g^2 / (2 lambda): nothing on the cell is
+nearer than sqrt(|S* - p|^2 - g^2 / lambda). Else the cell is halved. Parts that wait lie on a heap, by what
+they cannot be nearer than: what is left when the search ends is in ``bound``.
+
+Of a cell that loops cut, a point where F is stationary counts if it is inside them; other points of it are no
+nearer than the curves, which are cells themselves. About an axis, every point gets nearer as it turns toward
+the azimuth of p; so turned cells are curves in the half plane of an azimuth.
+"""
+
+import numpy as np
+
+from hybrid_rt.distance.kernels.build import side_of_part
+from hybrid_rt.distance.kernels.evaluate import (
+    CURVE_POINT,
+    POINT,
+    PROFILE_POINT,
+    SCRATCH_COLUMNS,
+    SCRATCH_ROWS,
+    edge_at,
+    profile_at,
+    sheet_at,
+)
+from hybrid_rt.distance.kernels.table import (
+    ALONG_U,
+    ALONG_V,
+    ARC,
+    AZIMUTH,
+    BOUNDS,
+    BOX,
+    CIRCLE,
+    CUT,
+    DEGREE,
+    EDGE,
+    ERROR,
+    FORM,
+    FRAME,
+    KIND,
+    LOOPS,
+    MIDDLE,
+    OBJECT,
+    OFF,
+    PATCH,
+    PIECE,
+    PROFILE,
+    SHEET,
+    SPAN,
+    STATE,
+    TRIANGLE,
+    TUBE,
+    TURN,
+    TURNED,
+    WHOLE,
+)
+from hybrid_rt.intersection.kernels.search.tree import CHILD, COUNT, WIDTH
+from meshing.kernels.jit import inner, kernel
+from meshing.kernels.trims import classify
+
+# Rows of `found`: the least distance; what it may be less by; whether others are as near; u, v on the sheet; the
+# point; sheet and patch; whether it is on an edge.
+DISTANCE, FLOOR, SEVERAL_AT, U, V, X, Y, Z, OF_SHEET, OF_PIECE, ON_EDGE = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
+# And how many parts of cells were looked into.
+FOUND = 11
+ROUNDOFF = 2.0**-53
+# Roundings in a distance of a point from one of a sheet, besides the sheet's error.
+ROUNDINGS = 12.0
+# Cells are left out if they are farther by this many errors; what is as near by less is as near.
+SLACK = 4.0
+# Points that are as near within the error e, at distance d, may be this times sqrt(e d) apart and count as one.
+SAME_PLACE = 16.0
+NEWTON_STEPS = 12
+# A step below this, of a cell, squares to nothing; points on a side are looked at from this far inside it.
+FINAL_STEP = 2.0**-26
+# Parts of cells that may wait at once, and that are looked into for one point.
+HEAP, MOST_PARTS = 512, 3000
+# Rows of the heap: what the part cannot be nearer than; its sides; where to begin; its state.
+LEAST, SIDES, START, PART_STATE, HEAP_COLUMNS = 0, 1, 5, 7, 8
+# Cells smaller than rounding by this part are not halved.
+SMALLEST_PART = 2.0**-44
+
+
+@inner
+def push(heap, size, least, a0, a1, b0, b1, s, t, state):
+    """Put a part of a cell on the heap; return its size."""
+    i = size
+    while i > 0:
+        above = (i - 1) // 2
+        if heap[above, LEAST] <= least:
+            break
+        for c in range(HEAP_COLUMNS):
+            heap[i, c] = heap[above, c]
+        i = above
+    heap[i, 0], heap[i, 1], heap[i, 2], heap[i, 3] = least, a0, a1, b0
+    heap[i, 4], heap[i, 5], heap[i, 6], heap[i, 7] = b1, s, t, state
+    return size + 1
+
+
+@inner
+def pop(heap, size):
+    """Move the nearest part from the top into the row behind the heap; return its size."""
+    last = size - 1
+    room = HEAP
+    for c in range(HEAP_COLUMNS):
+        heap[room, c] = heap[0, c]
+    i = 0
+    while True:
+        below = 2 * i + 1
+        if below >= last:
+            break
+        if below + 1 < last and heap[below + 1, LEAST] < heap[below, LEAST]:
+            below += 1
+        if heap[last, LEAST] <= heap[below, LEAST]:
+            break
+        for c in range(HEAP_COLUMNS):
+            heap[i, c] = heap[below, c]
+        i = below
+    for c in range(HEAP_COLUMNS):
+        heap[i, c] = heap[last, c]
+    return last
+
+
+@inner
+def offer(found, shapes, k, piece, d, slack, u, v, x, y, z, is_edge):
+    """Take a point of sheet k at distance d if it is the nearest; note others as near in other places."""
+    best = found[DISTANCE]
+    if d > best + slack:
+        return
+    if found[OF_SHEET] >= 0.0 and d >= best - slack:
+        dx, dy, dz = x - found[X], y - found[Y], z - found[Z]
+        if dx * dx + dy * dy + dz * dz > SAME_PLACE * SAME_PLACE * slack * (d + slack):
+            found[SEVERAL_AT] = 1.0
+    else:
+        found[SEVERAL_AT] = 0.0
+    other = np.int64(found[OF_SHEET])
+    whole = shapes.sheet_id
+    if other < 0 or d < best or (
+        d == best
+        and (
+            whole[k, OBJECT] < whole[other, OBJECT]
+            or (whole[k, OBJECT] == whole[other, OBJECT] and piece < found[OF_PIECE])
+        )
+    ):
+        found[DISTANCE], found[U], found[V] = d, u, v
+        found[X], found[Y], found[Z] = x, y, z
+        found[OF_SHEET], found[OF_PIECE], found[ON_EDGE] = k, piece, is_edge
+
+
+@inner
+def stays_inside(shapes, trims, k, u, v):
+    """Tell whether (u, v) of sheet k is inside its loops, or on them within rounding; and which."""
+    member = shapes.sheet_id[k, LOOPS]
+    if member < 0:
+        return True, False
+    number = shapes.sheet
+    a, c = number[k, SPAN], number[k, SPAN + 2]
+    return classify(
+        trims, member, a + u * (number[k, SPAN + 1] - a), c + v * (number[k, SPAN + 3] - c),
+        4.0 * ROUNDOFF, 4.0 * ROUNDOFF,
+    )  # fmt: skip
+
+
+@inner
+def within_box(g1, g2, h11, h12, h22, a0, a1, b0, b1):
+    """Return the step d in a box that makes g.d + d.H.d / 2 least; H positive."""
+    det = h11 * h22 - h12 * h12
+    if det > 2.0**-40 * h11 * h22:
+        d1, d2 = (h12 * g2 - h22 * g1) / det, (h12 * g1 - h11 * g2) / det
+    else:
+        d1, d2 = (-g1 / h11 if h11 > 0.0 else 0.0), (-g2 / h22 if h22 > 0.0 else 0.0)
+        if h11 > h22:
+            d2 = 0.0
+        else:
+            d1 = 0.0
+    if a0 <= d1 <= a1 and b0 <= d2 <= b1:
+        return d1, d2
+    best, e1, e2 = np.inf, 0.0, 0.0
+    if d1 < a0 or d1 > a1 or not h22 > 0.0:
+        s = min(max(d1, a0), a1)
+        t = min(max(-(g2 + h12 * s) / h22 if h22 > 0.0 else 0.0, b0), b1)
+        best, e1, e2 = s * (g1 + 0.5 * h11 * s + h12 * t) + t * (g2 + 0.5 * h22 * t), s, t
+    if d2 < b0 or d2 > b1 or best == np.inf:
+        t = min(max(d2, b0), b1)
+        s = min(max(-(g1 + h12 * t) / h11 if h11 > 0.0 else 0.0, a0), a1)
+        if s * (g1 + 0.5 * h11 * s + h12 * t) + t * (g2 + 0.5 * h22 * t) < best:
+            e1, e2 = s, t
+    return e1, e2
+
+
+@inner
+def from_parallelogram(rx, ry, rz, ax, ay, az, bx, by, bz):
+    """Return what |r + s a + t b| is at least for s, t in [-1, 1], and s, t where it is least about."""
+    h11, h22 = ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz
+    h12 = ax * bx + ay * by + az * bz
+    s, t = within_box(
+        rx * ax + ry * ay + rz * az, rx * bx + ry * by + rz * bz, h11, h12, h22,
+        -1.0, 1.0, -1.0, 1.0,
+    )  # fmt: skip
+    x, y, z = rx + s * ax + t * bx, ry + s * ay + t * by, rz + s * az + t * bz
+    d = np.sqrt(x * x + y * y + z * z)
+    if d == 0.0:
+        return 0.0, s, t
+    # Convex: no other point is nearer than by what the slopes at this one allow.
+    g1, g2 = x * ax + y * ay + z * az, x * bx + y * by + z * bz
+    loss = g1 * (1.0 + s) if g1 > 0.0 else -g1 * (1.0 - s)
+    loss += g2 * (1.0 + t) if g2 > 0.0 else -g2 * (1.0 - t)
+    return d - loss / d, s, t
+
+
+@inner
+def nearest_in_patch(shapes, trims, row, p, slack, found, heap, work):
+    """Search a cell of a patch."""
+    cell, k = shapes.cell, shapes.cell_id[row, SHEET]
+    piece = shapes.sheet_id[k, PIECE]
+    u0, v0 = cell[row, BOX], cell[row, BOX + 2]
+    hu, hv = 0.5 * (cell[row, BOX + 1] - u0), 0.5 * (cell[row, BOX + 3] - v0)
+    bu, bv = cell[row, BOUNDS], cell[row, BOUNDS + 1]
+    buu, buv, bvv = cell[row, BOUNDS + 2], cell[row, BOUNDS + 3], cell[row, BOUNDS + 4]
+    b30, b21 = cell[row, BOUNDS + 5], cell[row, BOUNDS + 6]
+    b12, b03 = cell[row, BOUNDS + 7], cell[row, BOUNDS + 8]
+    px, py, pz = p[0], p[1], p[2]
+    least, s, t = from_parallelogram(
+        cell[row, MIDDLE] - px, cell[row, MIDDLE + 1] - py, cell[row, MIDDLE + 2] - pz,
+        cell[row, ALONG_U], cell[row, ALONG_U + 1], cell[row, ALONG_U + 2],
+        cell[row, ALONG_V], cell[row, ALONG_V + 1], cell[row, ALONG_V + 2],
+    )  # fmt: skip
+    least -= cell[row, OFF] + slack
+    if least > found[DISTANCE] + slack:
+        return
+    size = push(heap, 0, least, -1.0, 1.0, -1.0, 1.0, s, t, shapes.cell_id[row, STATE])
+    q = POINT
+    while size > 0:
+        size = pop(heap, size)
+        least = heap[HEAP, LEAST]
+        if least > found[DISTANCE] + slack:
+            return
+        a0, a1, b0, b1 = heap[HEAP, 1], heap[HEAP, 2], heap[HEAP, 3], heap[HEAP, 4]
+        s, t, state = heap[HEAP, 5], heap[HEAP, 6], heap[HEAP, 7]
+        found[FOUND] += 1.0
+        if found[FOUND] > MOST_PARTS:
+            found[FLOOR] = min(found[FLOOR], least)
+            return
+        is_done = False
+        for step in range(NEWTON_STEPS):
+            sheet_at(shapes, k, u0 + hu * (1.0 + s), v0 + hv * (1.0 + t), work)
+            x, y, z = work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz
+            f = x * x + y * y + z * z
+            d = np.sqrt(f)
+            g1 = hu * (x * work[q + 1, 0] + y * work[q + 1, 1] + z * work[q + 1, 2])
+            g2 = hv * (x * work[q + 2, 0] + y * work[q + 2, 1] + z * work[q + 2, 2])
+            j11 = j12 = j22 = 0.0
+            for c in range(3):
+                j11 += work[q + 1, c] * work[q + 1, c]
+                j12 += work[q + 1, c] * work[q + 2, c]
+                j22 += work[q + 2, c] * work[q + 2, c]
+            j11, j12, j22 = hu * hu * j11, hu * hv * j12, hv * hv * j22
+            h11 = j11 + hu * hu * (x * work[q + 3, 0] + y * work[q + 3, 1] + z * work[q + 3, 2])
+            h12 = j12 + hu * hv * (x * work[q + 4, 0] + y * work[q + 4, 1] + z * work[q + 4, 2])
+            h22 = j22 + hv * hv * (x * work[q + 5, 0] + y * work[q + 5, 1] + z * work[q + 5, 2])
+            if state == WHOLE:
+                offer(
+                    found, shapes, k, piece, d, slack, u0 + hu * (1.0 + s), v0 + hv * (1.0 + t),
+                    work[q, 0], work[q, 1], work[q, 2], False,
+                )  # fmt: skip
+            if not (h11 > 0.0 and h22 > 0.0 and h11 * h22 > h12 * h12):
+                d1, d2 = within_box(g1, g2, j11, j12, j22, a0 - s, a1 - s, b0 - t, b1 - t)
+            else:
+                d1, d2 = within_box(g1, g2, h11, h12, h22, a0 - s, a1 - s, b0 - t, b1 - t)
+            if True:
+                if max(abs(d1), abs(d2)) <= FINAL_STEP:
+                    # Is nothing else on this part as near?
+                    r1, r2 = max(a1 - s, s - a0), max(b1 - t, t - b0)
+                    far = d + bu * r1 + bv * r2
+                    e111 = (3.0 * buu * bu + far * b30) * r1
+                    e112 = 2.0 * buv * bu + buu * bv + far * b21
+                    e122 = 2.0 * buv * bv + bvv * bu + far * b12
+                    e222 = (3.0 * bvv * bv + far * b03) * r2
+                    m11 = h11 - (e111 + e112 * r2) / 3.0
+                    m22 = h22 - (e222 + e122 * r1) / 3.0
+                    m12 = abs(h12) + (e112 * r1 + e122 * r2) / 3.0
+                    # What pushes outward at a side is no loss; and as |d| <= r, |g d| >= |g| d^2 / r.
+                    f1 = 0.0 if (s == a0 and g1 > 0.0) or (s == a1 and g1 < 0.0) else g1
+                    f2 = 0.0 if (t == b0 and g2 > 0.0) or (t == b1 and g2 < 0.0) else g2
+                    if state == WHOLE or d > found[DISTANCE] + 2.0 * slack:
+                        m11 += 2.0 * abs(g1 - f1) / r1
+                        m22 += 2.0 * abs(g2 - f2) / r2
+                    det = m11 * m22 - m12 * m12
+                    if not (m11 > 0.0 and m22 > 0.0 and det > 0.0):
+                        break
+                    loss = (f1 * f1 + f2 * f2) * (m11 + m22) / det
+                    if d - np.sqrt(max(f - loss, 0.0)) <= slack or step > NEWTON_STEPS - 4:
+                        is_done = True
+                        found_least = np.sqrt(max(f - loss, 0.0))
+                        s, t = s + d1, t + d2
+                        for c in range(3):
+                            work[q, c] += hu * d1 * work[q + 1, c] + hv * d2 * work[q + 2, c]
+                        # On a side by a push that is not rounding nothing is stationary.
+                        pushed = (g1 - f1) ** 2 / m11 + (g2 - f2) ** 2 / m22
+                        is_stationary = pushed <= 2.0**-40 * min(j11, j22)
+                        u, v = u0 + hu * (1.0 + s), v0 + hv * (1.0 + t)
+                        if state == WHOLE:
+                            offer(
+                                found, shapes, k, piece, d, slack, u, v,
+                                work[q, 0], work[q, 1], work[q, 2], False,
+                            )  # fmt: skip
+                            found[FLOOR] = min(found[FLOOR], found_least)
+                        elif is_stationary and d <= found[DISTANCE] + slack:
+                            is_inside, is_near = stays_inside(shapes, trims, k, u, v)
+                            if is_inside or is_near:
+                                offer(
+                                    found, shapes, k, piece, d, slack, u, v,
+                                    work[q, 0], work[q, 1], work[q, 2], is_near,
+                                )  # fmt: skip
+                                found[FLOOR] = min(found[FLOOR], found_least)
+                        break
+            if d1 == 0.0 and d2 == 0.0 and step > 0:
+                break
+            s, t = min(max(s + d1, a0), a1), min(max(t + d2, b0), b1)
+        if is_done:
+            continue
+        # Halve it, where it bends most.
+        r1, r2 = 0.5 * (a1 - a0), 0.5 * (b1 - b0)
+        if max(bu * r1, bv * r2) < SMALLEST_PART:
+            found[FLOOR] = min(found[FLOOR], least)
+            found[SEVERAL_AT] = 1.0
+            continue
+        off_u, off_v = buu * r1 * r1, bvv * r2 * r2
+        along_u = bu * r1 >= bv * r2 if max(off_u, off_v) < buv * r1 * r2 else off_u >= off_v
+        for side in range(2):
+            c0, c1, e0, e1 = a0, a1, b0, b1
+            if along_u:
+                c0, c1 = (a0, a0 + r1) if side == 0 else (a0 + r1, a1)
+            else:
+                e0, e1 = (b0, b0 + r2) if side == 0 else (b0 + r2, b1)
+            w1, w2 = 0.5 * (c1 - c0), 0.5 * (e1 - e0)
+            s, t = c0 + w1, e0 + w2
+            now = state
+            if state != WHOLE:
+                now = side_of_part(
+                    shapes, trims, k, u0 + hu * (1.0 + c0), u0 + hu * (1.0 + c1),
+                    v0 + hv * (1.0 + e0), v0 + hv * (1.0 + e1),
+                )  # fmt: skip
+                if now > CUT:
+                    continue
+            sheet_at(shapes, k, u0 + hu * (1.0 + s), v0 + hv * (1.0 + t), work)
+            f, g = hu * w1, hv * w2
+            low, i, j = from_parallelogram(
+                work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz,
+                f * work[q + 1, 0], f * work[q + 1, 1], f * work[q + 1, 2],
+                g * work[q + 2, 0], g * work[q + 2, 1], g * work[q + 2, 2],
+            )  # fmt: skip
+            low -= 0.5 * buu * w1 * w1 + buv * w1 * w2 + 0.5 * bvv * w2 * w2 + slack
+            low = max(low, least)
+            if low <= found[DISTANCE] + slack:
+                if size >= HEAP - 1:
+                    found[FLOOR] = min(found[FLOOR], low)
+                    found[SEVERAL_AT] = 1.0
+                else:
+                    size = push(heap, size, low, c0, c1, e0, e1, s + i * w1, t + j * w2, now)
+
+
+@inner
+def curve_of_cell(shapes, row, kind, s, work):
+    """Fill three rows with a curve of a cell at t = s, by its own parameter; return the first, and u, v."""
+    cell, k = shapes.cell, shapes.cell_id[row, SHEET]
+    if kind == EDGE:
+        at = cell[row, BOX] + 0.5 * (cell[row, BOX + 1] - cell[row, BOX]) * (1.0 + s)
+        u, v = edge_at(shapes, k, shapes.cell_id[row, ARC], shapes.cell_id[row, DEGREE], at, work)
+        return CURVE_POINT, u, v
+    v = cell[row, BOX + 2] + 0.5 * (cell[row, BOX + 3] - cell[row, BOX + 2]) * (1.0 + s)
+    profile_at(shapes, k, v, work)
+    return PROFILE_POINT, 0.0, v
+
+
+@inner
+def toward(cell, row, column, x, y):
+    """Return the direction between two of a cell that is nearest to (x, y), and whether that is its own."""
+    size = np.sqrt(x * x + y * y)
+    c0, s0 = cell[row, column], cell[row, column + 1]
+    c1, s1 = cell[row, column + 2], cell[row, column + 3]
+    band = -4.0 * ROUNDOFF * size
+    if c0 * y - s0 * x >= band and x * s1 - y * c1 >= band:
+        return (x / size, y / size, True) if size > 0.0 else (c0, s0, True)
+    if c0 * x + s0 * y >= c1 * x + s1 * y:
+        return c0, s0, False
+    return c1, s1, False
+
+
+@inner
+def place_on_turned(shapes, k, c, s, z, r):
+    """Return the point at an azimuth of a turned sheet, and its u."""
+    number = shapes.sheet
+    x = number[k, FRAME] + z * number[k, FRAME + 9]
+    y = number[k, FRAME + 1] + z * number[k, FRAME + 10]
+    w = number[k, FRAME + 2] + z * number[k, FRAME + 11]
+    x += r * (c * number[k, FRAME + 3] + s * number[k, FRAME + 6])
+    y += r * (c * number[k, FRAME + 4] + s * number[k, FRAME + 7])
+    w += r * (c * number[k, FRAME + 5] + s * number[k, FRAME + 8])
+    way = number[k, TURN + 1] - number[k, TURN]
+    # From the beginning of the turn, in its sense; just before it is 0, not nearly a whole turn.
+    angle = np.arctan2(s, c) - number[k, TURN]
+    angle -= 2.0 * np.pi * np.floor(angle / (2.0 * np.pi))
+    if angle > 0.5 * (abs(way) + 2.0 * np.pi):
+        angle -= 2.0 * np.pi
+    return x, y, w, min(max(angle / way, 0.0), 1.0)
+
+
+@inner
+def offer_on_curve(shapes, trims, row, kind, p, c, s, d, slack, u, v, x, y, z, least, found):
+    """Offer a point of a curve cell that is the nearest of its part, or of a turned one at an azimuth."""
+    k, state = shapes.cell_id[row, SHEET], shapes.cell_id[row, STATE]
+    if d > found[DISTANCE] + slack:
+        return
+    is_edge = kind == EDGE
+    if not is_edge:
+        x, y, z, u = place_on_turned(shapes, k, c, s, x, y)
+    if state == CUT:
+        is_inside, is_near = stays_inside(shapes, trims, k, u, v)
+        if not (is_inside or is_near):
+            return
+        is_edge = is_edge or is_near
+    piece = shapes.sheet_id[k, PIECE]
+    offer(found, shapes, k, piece, d, slack, u, v, x, y, z, is_edge)
+    found[FLOOR] = min(found[FLOOR], least)
+
+
+@inner
+def nearest_on_curve(shapes, trims, row, kind, p, slack, found, heap, work):
+    """Search a cell of an edge, or a turned cell in the half plane of the azimuth nearest to p."""
+    cell, k, state = shapes.cell, shapes.cell_id[row, SHEET], shapes.cell_id[row, STATE]
+    px, py, pz, more = p[0], p[1], p[2], 0.0
+    cu, su, is_own = 1.0, 0.0, True
+    if kind == TURNED:
+        number = shapes.sheet
+        x, y, w = px - number[k, FRAME], py - number[k, FRAME + 1], pz - number[k, FRAME + 2]
+        a = x * number[k, FRAME + 3] + y * number[k, FRAME + 4] + w * number[k, FRAME + 5]
+        b = x * number[k, FRAME + 6] + y * number[k, FRAME + 7] + w * number[k, FRAME + 8]
+        px = x * number[k, FRAME + 9] + y * number[k, FRAME + 10] + w * number[k, FRAME + 11]
+        cu, su, is_own = toward(cell, row, AZIMUTH, a, b)
+        if state == CUT and not is_own:
+            return
+        py, pz = cu * a + su * b, 0.0
+        across = su * a - cu * b
+        more = 0.0 if is_own else across * across
+        if shapes.sheet_id[k, FORM] == CIRCLE:
+            z, r = number[k, PROFILE], number[k, PROFILE + 1]
+            radius = number[k, PROFILE + 2]
+            x, y = py - r, px - z
+            c, s, is_there = toward(cell, row, TUBE, x, y)
+            if state == CUT and not is_there:
+                return
+            away = np.sqrt(x * x + y * y)
+            if is_there:
+                d = np.sqrt((away - radius) ** 2 + more)
+            else:
+                d = np.sqrt((x - radius * c) ** 2 + (y - radius * s) ** 2 + more)
+            if d > found[DISTANCE] + slack:
+                return
+            angle = np.arctan2(s, c) - number[k, PROFILE + 3]
+            way = number[k, PROFILE + 4] - number[k, PROFILE + 3]
+            # Within the arc of this cell, a turn more or less.
+            middle = 0.5 * (cell[row, BOX + 2] + cell[row, BOX + 3]) * way
+            angle += 2.0 * np.pi * np.floor((middle - angle) / (2.0 * np.pi) + 0.5)
+            v = min(max(angle / way, 0.0), 1.0)
+            z, r = z + radius * s, r + radius * c
+            offer_on_curve(
+                shapes, trims, row, kind, p, cu, su, d, slack, 0.0, v, z, r, 0.0, d, found
+            )
+            note_rings(found, k, d, slack, away, radius, abs(py), r)
+            return
+    b1, b2, b3 = cell[row, BOUNDS], cell[row, BOUNDS + 1], cell[row, BOUNDS + 2]
+    least, s, _ = from_parallelogram(
+        cell[row, MIDDLE] - px, cell[row, MIDDLE + 1] - py, cell[row, MIDDLE + 2] - pz,
+        cell[row, ALONG_U], cell[row, ALONG_U + 1], cell[row, ALONG_U + 2], 0.0, 0.0, 0.0,
+    )  # fmt: skip
+    least = max(least - cell[row, OFF] - slack, 0.0)
+    least = np.sqrt(least * least + more)
+    if least > found[DISTANCE] + slack:
+        return
+    size = push(heap, 0, least, -1.0, 1.0, 0.0, 0.0, s, 0.0, state)
+    while size > 0:
+        size = pop(heap, size)
+        least = heap[HEAP, LEAST]
+        if least > found[DISTANCE] + slack:
+            return
+        a0, a1, s = heap[HEAP, 1], heap[HEAP, 2], heap[HEAP, 5]
+        found[FOUND] += 1.0
+        if found[FOUND] > MOST_PARTS:
+            found[FLOOR] = min(found[FLOOR], least)
+            return
+        half = 0.5 * (
+            cell[row, BOX + 1] - cell[row, BOX] if kind == EDGE else cell[row, BOX + 3] - cell[row, BOX + 2]
+        )
+        is_done = False
+        for step in range(NEWTON_STEPS):
+            q, u, v = curve_of_cell(shapes, row, kind, s, work)
+            x, y, z = work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz
+            f = x * x + y * y + z * z + more
+            d = np.sqrt(f)
+            g = half * (x * work[q + 1, 0] + y * work[q + 1, 1] + z * work[q + 1, 2])
+            j = work[q + 1, 0] ** 2 + work[q + 1, 1] ** 2 + work[q + 1, 2] ** 2
+            j *= half * half
+            h = j + half * half * (x * work[q + 2, 0] + y * work[q + 2, 1] + z * work[q + 2, 2])
+            curvature = h if h > 0.0 else j
+            to = min(max(s - g / curvature, a0), a1) - s if curvature > 0.0 else 0.0
+            if b1 * (a1 - a0) <= slack:  # a point
+                offer_on_curve(
+                    shapes, trims, row, kind, p, cu, su, d, slack, u, v,
+                    work[q, 0], work[q, 1], work[q, 2], d - slack, found,
+                )  # fmt: skip
+                is_done = True
+                break
+            if abs(to) <= FINAL_STEP:
+                r = max(a1 - s, s - a0)
+                m = h - (3.0 * b1 * b2 + (d + b1 * r) * b3) * r / 3.0
+                is_pushed = (s == a0 and g > 0.0) or (s == a1 and g < 0.0)
+                counts = state == WHOLE or d > found[DISTANCE] + 2.0 * slack
+                if is_pushed and counts:
+                    m += 2.0 * abs(g) / r
+                if not m > 0.0:
+                    break
+                loss = 0.0 if is_pushed else g * g / m
+                if d - np.sqrt(max(f - loss, 0.0)) <= slack or step > NEWTON_STEPS - 4:
+                    is_done = True
+                    # Of a cut turned cell only what is stationary counts.
+                    if kind == TURNED and state == CUT and is_pushed and g * g > 2.0**-40 * m * j:
+                        break
+                    for c in range(3):
+                        work[q, c] += half * to * work[q + 1, c]
+                    r = work[q, 1]
+                    if kind == TURNED:
+                        v += half * to
+                    offer_on_curve(
+                        shapes, trims, row, kind, p, cu, su, d, slack, u, v,
+                        work[q, 0], work[q, 1], work[q, 2], np.sqrt(max(f - loss, 0.0)), found,
+                    )  # fmt: skip
+                    if kind == TURNED:
+                        note_rings(found, k, d, slack, np.inf, 0.0, abs(py), r)
+                    break
+            if to == 0.0 and step > 0:
+                break
+            s = min(max(s + to, a0), a1)
+        if is_done:
+            continue
+        w = 0.5 * (a1 - a0)
+        if b1 * w < SMALLEST_PART:
+            found[FLOOR] = min(found[FLOOR], least)
+            found[SEVERAL_AT] = 1.0
+            continue
+        for side in range(2):
+            c0 = a0 if side == 0 else a0 + w
+            c1 = a0 + w if side == 0 else a1
+            middle, wide = 0.5 * (c0 + c1), 0.5 * (c1 - c0)
+            q, u, v = curve_of_cell(shapes, row, kind, middle, work)
+            f = half * wide
+            low, i, _ = from_parallelogram(
+                work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz,
+                f * work[q + 1, 0], f * work[q + 1, 1], f * work[q + 1, 2], 0.0, 0.0, 0.0,
+            )  # fmt: skip
+            low = max(low - 0.5 * b2 * wide * wide - slack, 0.0)
+            low = max(np.sqrt(low * low + more), least)
+            if state == WHOLE:  # any point will do as an upper bound
+                offer_on_curve(
+                    shapes, trims, row, kind, p, cu, su,
+                    np.sqrt((work[q, 0] - px) ** 2 + (work[q, 1] - py) ** 2 + (work[q, 2] - pz) ** 2 + more),
+                    slack, u, v, work[q, 0], work[q, 1], work[q, 2], np.inf, found,
+                )  # fmt: skip
+            if low <= found[DISTANCE] + slack:
+                if size >= HEAP - 1:
+                    found[FLOOR] = min(found[FLOOR], low)
+                    found[SEVERAL_AT] = 1.0
+                else:
+                    size = push(heap, size, low, c0, c1, 0.0, 0.0, middle + i * wide, 0.0, state)
+
+
+@inner
+def note_rings(found, k, d, slack, away, radius, off_axis, r):
+    """Note that a whole circle is as near as what was found: about p on the axis, or on the centre of an arc."""
+    apart = SAME_PLACE * np.sqrt(slack * (d + slack))
+    is_ring = (away <= slack and radius > apart) or (off_axis * r <= slack * d and r > apart)
+    if is_ring and found[OF_SHEET] == k and d <= found[DISTANCE] + slack:
+        found[SEVERAL_AT] = 1.0
+
+
+@inner
+def nearest_in_triangle(shapes, row, p, slack, found):
+    """Search a triangle: the foot of the perpendicular, or the nearest point of its sides."""
+    cell, k = shapes.cell, shapes.cell_id[row, SHEET]
+    x, y, z = cell[row, MIDDLE] - p[0], cell[row, MIDDLE + 1] - p[1], cell[row, MIDDLE + 2] - p[2]
+    ax, ay, az = cell[row, ALONG_U], cell[row, ALONG_U + 1], cell[row, ALONG_U + 2]
+    bx, by, bz = cell[row, ALONG_V], cell[row, ALONG_V + 1], cell[row, ALONG_V + 2]
+    aa, ab = ax * ax + ay * ay + az * az, ax * bx + ay * by + az * bz
+    bb, ga, gb = bx * bx + by * by + bz * bz, x * ax + y * ay + z * az, x * bx + y * by + z * bz
+    det = aa * bb - ab * ab
+    s, t = ab * gb - bb * ga, ab * ga - aa * gb
+    # The foot, then the sides: along a, along b, and from the end of a to that of b.
+    for side in range(4):
+        if side == 0:
+            if not (s > 0.0 and t > 0.0 and s + t < det):
+                continue
+            u, v = s / det, t / det
+        else:
+            cx, cy, cz, cc, g = ax, ay, az, aa, ga
+            if side == 2:
+                cx, cy, cz, cc, g = bx, by, bz, bb, gb
+            elif side == 3:
+                cx, cy, cz = bx - ax, by - ay, bz - az
+                cc = cx * cx + cy * cy + cz * cz
+                g = (x + ax) * cx + (y + ay) * cy + (z + az) * cz
+            at = min(max(-g / cc, 0.0), 1.0) if cc > 0.0 else 0.0
+            u = at if side == 1 else (0.0 if side == 2 else 1.0 - at)
+            v = 0.0 if side == 1 else at
+        dx, dy, dz = x + u * ax + v * bx, y + u * ay + v * by, z + u * az + v * bz
+        d = np.sqrt(dx * dx + dy * dy + dz * dz)
+        if d > found[DISTANCE] + slack:
+            continue
+        # Convex: no other point is nearer than by what the slopes toward the corners allow.
+        qa, qb = dx * ax + dy * ay + dz * az, dx * bx + dy * by + dz * bz
+        loss = u * qa + v * qb - min(0.0, qa, qb)
+        least = max(d - loss / d, 0.0) if d > 0.0 else 0.0
+        if least < d - slack:
+            continue  # not the nearest, or not for sure: a side is
+        offer(found, shapes, k, shapes.cell_id[row, ARC], d, slack, u, v, dx + p[0], dy + p[1], dz + p[2], side > 0)
+        found[FLOOR] = min(found[FLOOR], least)
+        return
+
+
+@inner
+def open_node(rows, links, node, p, limit, todo, at, top):
+    """Put the children of a node that are within a distance on the stack, the nearest on top; leaves below 0."""
+    first = top
+    for child in range(WIDTH):
+        square = 0.0
+        for axis in range(3):
+            a = np.float64(rows[node, axis, child]) - p[axis]
+            b = p[axis] - np.float64(rows[node, 3 + axis, child])
+            away = max(a, b, 0.0)
+            square += away * away
+        if not square <= limit * limit:
+            continue
+        place = top
+        while place > first and at[place - 1] < square:
+            at[place], todo[place] = at[place - 1], todo[place - 1]
+            place -= 1
+        at[place] = square
+        is_leaf = links[node, COUNT, child] > 0
+        todo[place] = -1 - (node * WIDTH + child) if is_leaf else links[node, CHILD, child]
+        top += 1
+    return top
+
+
+@inner
+def search_group(shapes, trims, groups, root, p, slack, found, heap, work, todo, at):
+    """Search the cells of a group for what is nearer to p than ``found``, all in its frame."""
+    top, todo[0], at[0] = 1, root, 0.0
+    while top > 0:
+        top -= 1
+        limit, node = found[DISTANCE] + slack, todo[top]
+        if at[top] > limit * limit:
+            continue
+        if node >= 0:
+            top = open_node(groups.rows, groups.links, node, p, limit, todo, at, top)
+            continue
+        parent, child = (-1 - node) // WIDTH, (-1 - node) % WIDTH
+        begin = groups.links[parent, CHILD, child]
+        for i in range(begin, begin + groups.links[parent, COUNT, child]):
+            row = np.int64(groups.order[i])
+            kind = shapes.cell_id[row, KIND]
+            if kind == PATCH:
+                nearest_in_patch(shapes, trims, row, p, slack, found, heap, work)
+            elif kind == TRIANGLE:
+                nearest_in_triangle(shapes, row, p, slack, found)
+            else:
+                nearest_on_curve(shapes, trims, row, kind, p, slack, found, heap, work)
+
+
+@inner
+def search_place(shapes, trims, groups, place, points, i, answers, found, p, heap, work, todo, at):
+    """Search one place for what is nearer to point i than the answer so far, and take it."""
+    move, unit = groups.place, groups.place[place, 12]
+    x, y, z = points[i, 0] - move[place, 9], points[i, 1] - move[place, 10], points[i, 2] - move[place, 11]
+    far = 2.0
+    for axis in range(3):
+        k = 3 * axis
+        p[axis] = move[place, k] * x + move[place, k + 1] * y + move[place, k + 2] * z
+        far += abs(p[axis])
+    error = move[place, 13] + (ROUNDINGS * ROUNDOFF + move[place, 14]) * far
+    slack = SLACK * error
+    found[DISTANCE] = answers.distance[i] / unit + 2.0 * slack
+    found[FLOOR], found[SEVERAL_AT], found[OF_SHEET], found[FOUND] = np.inf, 0.0, -1.0, 0.0
+    root = groups.root[groups.group[place]]
+    search_group(shapes, trims, groups, root, p, slack, found, heap, work, todo, at)
+    least = min(found[FLOOR], found[DISTANCE]) * unit
+    if found[OF_SHEET] < 0.0:
+        answers.least[i] = min(answers.least[i], least)
+        return
+    d, off = found[DISTANCE] * unit, 2.0 * error * unit
+    x, y, z = found[X], found[Y], found[Z]
+    # Lengths of the matrix are 1 / unit.
+    square = unit * unit
+    wx = square * (move[place, 0] * x + move[place, 3] * y + move[place, 6] * z) + move[place, 9]
+    wy = square * (move[place, 1] * x + move[place, 4] * y + move[place, 7] * z) + move[place, 10]
+    wz = square * (move[place, 2] * x + move[place, 5] * y + move[place, 8] * z) + move[place, 11]
+    sheet = np.int64(found[OF_SHEET])
+    is_on_edge, several = found[ON_EDGE] > 0.0, found[SEVERAL_AT] > 0.0
+    take(
+        answers, i, d, least, off, several, wx, wy, wz, found[U], found[V], sheet,
+        np.int64(found[OF_PIECE]), place, shapes.sheet_id[sheet, OBJECT], is_on_edge,
+    )  # fmt: skip
+
+
+@inner
+def take(answers, i, d, least, off, several, x, y, z, u, v, sheet, piece, place, thing, is_on_edge):
+    """Take a point of an object as the answer if it is the nearest so far."""
+    best = answers.distance[i]
+    slack = SLACK * max(off, answers.error[i])
+    answers.least[i] = min(answers.least[i], least)
+    if d > best + slack:
+        return
+    if best < np.inf and d >= best - slack:
+        dx, dy = x - answers.position[i, 0], y - answers.position[i, 1]
+        dz = z - answers.position[i, 2]
+        apart = dx * dx + dy * dy + dz * dz > SAME_PLACE * SAME_PLACE * slack * (d + slack)
+        answers.several[i] = answers.several[i] or several or apart
+    else:
+        answers.several[i] = several
+    answers.error[i] = max(answers.error[i], off)
+    if d < best or (d == best and thing < answers.thing[i]):
+        answers.distance[i], answers.u[i], answers.v[i] = d, u, v
+        answers.position[i, 0], answers.position[i, 1], answers.position[i, 2] = x, y, z
+        answers.sheet[i], answers.place[i], answers.thing[i] = sheet, place, thing
+        answers.piece[i] = piece
+        answers.on_edge[i] = is_on_edge
+
+
+@kernel(allocates=True)
+def closest_points(shapes, trims, groups, planes, points, answers):
+    """Find the closest points of points (n, 3): see `Answers`.
+
+    ``planes`` (m, 8): a point and the unit normal of each unbounded one, its object, and its error.
+    """
+    heap, work = np.empty((HEAP + 1, HEAP_COLUMNS)), np.empty((SCRATCH_ROWS, SCRATCH_COLUMNS))
+    found, p = np.zeros(FOUND + 1), np.empty(3)
+    depth = groups.depth
+    todo, at = np.empty(depth, np.int64), np.empty(depth)
+    above, apart = np.empty(depth, np.int64), np.empty(depth)
+    q = np.empty(3)
+    for i in range(points.shape[0]):
+        answers.distance[i] = answers.least[i] = np.inf
+        answers.error[i], answers.several[i], answers.sheet[i] = 0.0, False, -1
+        for k in range(planes.shape[0]):
+            d = size = 0.0
+            for axis in range(3):
+                q[axis] = points[i, axis] - planes[k, axis]
+                d += q[axis] * planes[k, 3 + axis]
+                size += abs(q[axis]) + abs(planes[k, axis])
+            take(
+                answers, i, abs(d), abs(d), planes[k, 7] * (1.0 + size) + 8.0 * ROUNDOFF * size, False,
+                points[i, 0] - d * planes[k, 3], points[i, 1] - d * planes[k, 4],
+                points[i, 2] - d * planes[k, 5], 0.0, 0.0, -1, 0, -1, np.int64(planes[k, 6]), False,
+            )  # fmt: skip
+        if groups.group.shape[0] == 0:
+            continue
+        # The tree over places is in a frame of its own.
+        for axis in range(3):
+            q[axis] = (points[i, axis] - groups.frame[axis]) / groups.frame[3]
+        top, above[0], apart[0] = 1, 0, 0.0
+        while top > 0:
+            top -= 1
+            limit, node = answers.distance[i] / groups.frame[3], above[top]
+            limit += 2.0**-40 * (1.0 + limit)
+            if apart[top] > limit * limit:
+                continue
+            if node >= 0:
+                top = open_node(groups.top_rows, groups.top_links, node, q, limit, above, apart, top)
+                continue
+            parent, child = (-1 - node) // WIDTH, (-1 - node) % WIDTH
+            begin = groups.top_links[parent, CHILD, child]
+            for j in range(begin, begin + groups.top_links[parent, COUNT, child]):
+                place = np.int64(groups.top_order[j])
+                search_place(
+                    shapes, trims, groups, place, points, i, answers, found, p, heap, work, todo, at
+                )
