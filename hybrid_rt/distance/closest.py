@@ -80,7 +80,9 @@ class ClosestPoint:
         closed: ArrayLike | None = None,
         threads: int | None = None,
     ) -> None:
-        several = (surfaces,) if isinstance(surfaces, Surface) else checks.items(surfaces, "surfaces")
+        several = (
+            (surfaces,) if isinstance(surfaces, Surface) else checks.items(surfaces, "surfaces")
+        )
         self.surfaces = check_surfaces(several)
         if not self.surfaces:
             raise ValueError("ClosestPoint surfaces is empty: pass at least one surface")
@@ -100,7 +102,9 @@ class ClosestPoint:
     def _build(self) -> None:
         sheets, planes, places = Sheets(), [], list[tuple[Any, ...]]()
         plain = [
-            (i, s) for i, s in enumerate(self.surfaces) if s.is_bounded and not isinstance(s, Instances)
+            (i, s)
+            for i, s in enumerate(self.surfaces)
+            if s.is_bounded and not isinstance(s, Instances)
         ]
         groups: list[tuple[Any, Any, Frame]] = []
         if plain:
@@ -109,7 +113,12 @@ class ClosestPoint:
             groups.append((plain, None, Frame.about(box)))
         for i, surface in enumerate(self.surfaces):
             if isinstance(surface, Plane):
-                row = *surface.origin, *surface.unit_normal, i, surface.moved + surface.tilt + 2.0**-52
+                row = (
+                    *surface.origin,
+                    *surface.unit_normal,
+                    i,
+                    surface.moved + surface.tilt + 2.0**-52,
+                )
                 planes.append(row)
             elif isinstance(surface, Instances):
                 boxes = np.array([s.bounds for s in surface.surfaces])
@@ -134,11 +143,15 @@ class ClosestPoint:
         for number, (_, instances, frame) in enumerate(groups):
             rows = np.flatnonzero(group_of_cell == number)
             if not len(rows):
-                raise ValueError(f"ClosestPoint surfaces[{groups[number][0][0][0]}] has no point inside its loops")
+                raise ValueError(
+                    f"ClosestPoint surfaces[{groups[number][0][0][0]}] has no point inside its loops"
+                )
             tree, links, order, stack = build_tree(lower[rows], upper[rows], LEAF)
             is_leaf = links[:, 7] > 0
             is_there = links[:, 6] >= 0
-            links[:, 6] += np.where(is_there, np.where(is_leaf, n_cells, n_nodes), 0).astype(np.int32)
+            links[:, 6] += np.where(is_there, np.where(is_leaf, n_cells, n_nodes), 0).astype(
+                np.int32
+            )
             trees.append((tree, links, rows[order].astype(np.int32)))
             roots.append(n_nodes)
             n_nodes, n_cells, depth = n_nodes + len(tree), n_cells + len(rows), max(depth, stack)
@@ -156,13 +169,14 @@ class ClosestPoint:
             np.array(roots, np.int64),
             np.array([number for number, _ in places], np.int64),
             np.array([moves for _, moves in places]).reshape(-1, 15),
-            *top[:4], max(depth, top[4]) + 16,
+            *top[:4],
+            max(depth, top[4]) + 16,
         )
         # Of each place its row; of each object how many patches a place has.
         self._row_of = np.array([row for row, _ in self._place_of] or [-1], np.int64)
-        self._n_patches = np.array([
-            s.n_patches if isinstance(s, Instances) else 0 for s in self.surfaces
-        ], np.int64)
+        self._n_patches = np.array(
+            [s.n_patches if isinstance(s, Instances) else 0 for s in self.surfaces], np.int64
+        )
 
     def query(self, points: ArrayLike) -> ClosestRecord:
         """Find the closest point of each of n points.
@@ -223,7 +237,9 @@ class ClosestPoint:
         status = np.where(found.several, Closeness.SEVERAL, Closeness.UNIQUE)
         status = np.where(loss > SLACK * slack, Closeness.UNDECIDED, status).astype(np.uint8)
         bound = loss + found.error + 2.0**-52 * found.distance
-        side = self._sides.of(points, found.position, normal, found.thing, found.distance, bound, on_edge)
+        side = self._sides.of(
+            points, found.position, normal, found.thing, found.distance, bound, on_edge
+        )
         return ClosestRecord(
             np.where(side < 0, -found.distance, found.distance), bound, status, side,
             found.thing.astype(np.int32), patch.astype(np.int32), row.astype(np.int32), u, v,
@@ -318,7 +334,9 @@ def _places(
         if instances is not None:
             terms = np.abs(matrix[:, 3]) + 4.0 * np.abs(linear) @ np.abs(frame.centre)
             own = 2.0**-52 * float(terms.sum()) / unit
-        moves = np.concatenate([(inverse / frame.unit).ravel(), shift, [unit, error + own, MATRIX_SLACK * off]])
+        moves = np.concatenate(
+            [(inverse / frame.unit).ravel(), shift, [unit, error + own, MATRIX_SLACK * off]]
+        )
         corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
         there = shift + frame.unit * corners @ linear.T
         found.append((moves, np.stack([there.min(axis=0), there.max(axis=0)])))

@@ -123,7 +123,9 @@ def error_of(surface: Surface, owner: Owner, degree: int) -> float:
 def add_sheets(surface: Surface, sheets: Sheets, owner: Owner) -> None:
     """Add the sheets of a surface; each class registers its function."""
     del sheets, owner
-    raise TypeError(f"ClosestPoint surface is {shown(surface)}: there are no distances to such surfaces")
+    raise TypeError(
+        f"ClosestPoint surface is {shown(surface)}: there are no distances to such surfaces"
+    )
 
 
 @add_sheets.register(Rectangle)
@@ -282,7 +284,9 @@ def _add_edge(
     for a, b in pairwise(sorted(cuts)):
         if b > a:
             u, v = _point(net, 0.5 * (a + b))
-            is_in = (spans[:, 0] <= u) & (u <= spans[:, 1]) & (spans[:, 2] <= v) & (v <= spans[:, 3])
+            is_in = (
+                (spans[:, 0] <= u) & (u <= spans[:, 1]) & (spans[:, 2] <= v) & (v <= spans[:, 3])
+            )
             if is_in.any():
                 sheets.edge.append((a, b))
                 sheets.edge_id.append((first + int(is_in.argmax()), start, len(net) - 1, checked))

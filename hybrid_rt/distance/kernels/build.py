@@ -141,7 +141,9 @@ def bounds_of_net(net, m, n, bounds):
             if k <= i and l <= j:
                 for other in range(1, o + 1):
                     if _ORDERS[other, 0] == i - k and _ORDERS[other, 1] == j - l:
-                        size += _BINOMIAL[i, k] * _BINOMIAL[j, l] * bounds[below] * bounds[10 + other]
+                        size += (
+                            _BINOMIAL[i, k] * _BINOMIAL[j, l] * bounds[below] * bounds[10 + other]
+                        )
         bounds[o] = WIDENED * size / least + rounding
 
 
@@ -281,7 +283,9 @@ def cells_of_sheets(shapes, trims, is_left_out, cell, cell_id):
         if is_left_out[k]:
             continue
         is_turned, form = whole[k, IS_TURNED] != 0, whole[k, FORM]
-        share = (number[k, SPAN + 1] - number[k, SPAN]) * (number[k, SPAN + 3] - number[k, SPAN + 2])
+        share = (number[k, SPAN + 1] - number[k, SPAN]) * (
+            number[k, SPAN + 3] - number[k, SPAN + 2]
+        )
         stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0.0, 1.0, 0.0, 1.0
         depth[0], top = 0, 1
         size = -1.0
@@ -321,8 +325,16 @@ def cells_of_sheets(shapes, trims, is_left_out, cell, cell_id):
                 mixed = 0.0
                 for c in range(3):
                     mixed += hu * hv * work[POINT + 1, c] * work[POINT + 2, c]
-                e = 3.0 * bounds[3] * bounds[1] + 2.0 * bounds[4] * bounds[1] + bounds[3] * bounds[2]
-                f = 3.0 * bounds[5] * bounds[2] + 2.0 * bounds[4] * bounds[2] + bounds[5] * bounds[1]
+                e = (
+                    3.0 * bounds[3] * bounds[1]
+                    + 2.0 * bounds[4] * bounds[1]
+                    + bounds[3] * bounds[2]
+                )
+                f = (
+                    3.0 * bounds[5] * bounds[2]
+                    + 2.0 * bounds[4] * bounds[2]
+                    + bounds[5] * bounds[1]
+                )
                 g = 2.0 * bounds[4] * (bounds[1] + bounds[2]) + bounds[3] * bounds[2]
                 g += bounds[5] * bounds[1]
                 a, b, mixed = a - 0.5 * e, b - 0.5 * f, abs(mixed) + 0.5 * g
@@ -400,7 +412,9 @@ def cells_of_edges(shapes, edge, edge_id, cell, cell_id):
             low_u = low_v = np.inf
             high_u = high_v = -np.inf
             for i in range(n + 1):
-                u = (net[i, 0] / net[i, 3] - number[k, SPAN]) / (number[k, SPAN + 1] - number[k, SPAN])
+                u = (net[i, 0] / net[i, 3] - number[k, SPAN]) / (
+                    number[k, SPAN + 1] - number[k, SPAN]
+                )
                 v = (net[i, 1] / net[i, 3] - number[k, SPAN + 2]) / (
                     number[k, SPAN + 3] - number[k, SPAN + 2]
                 )

@@ -64,10 +64,10 @@ from meshing.kernels.jit import inner, kernel
 from meshing.kernels.trims import classify
 
 # Rows of `found`: the least distance; what it may be less by; whether others are as near; u, v on the sheet; the
-# point; sheet and patch; whether it is on an edge.
-DISTANCE, FLOOR, SEVERAL_AT, U, V, X, Y, Z, OF_SHEET, OF_PIECE, ON_EDGE = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
+# point; sheet and patch; whether it is on an edge; what nothing need be searched beyond, a slack included.
+DISTANCE, FLOOR, SEVERAL_AT, U, V, X, Y, Z, OF_SHEET, OF_PIECE, ON_EDGE, LIMIT = range(12)
 # And how many parts of cells were looked into.
-FOUND = 11
+FOUND = 12
 ROUNDOFF = 2.0**-53
 # Roundings in a distance of a point from one of a sheet, besides the sheet's error.
 ROUNDINGS = 12.0
@@ -132,6 +132,7 @@ def offer(found, shapes, k, piece, d, slack, u, v, x, y, z, is_edge):
     best = found[DISTANCE]
     if d > best + slack:
         return
+    found[LIMIT] = min(found[LIMIT], d + slack)
     if found[OF_SHEET] >= 0.0 and d >= best - slack:
         dx, dy, dz = x - found[X], y - found[Y], z - found[Z]
         if dx * dx + dy * dy + dz * dz > SAME_PLACE * SAME_PLACE * slack * (d + slack):
@@ -140,11 +141,15 @@ def offer(found, shapes, k, piece, d, slack, u, v, x, y, z, is_edge):
         found[SEVERAL_AT] = 0.0
     other = np.int64(found[OF_SHEET])
     whole = shapes.sheet_id
-    if other < 0 or d < best or (
-        d == best
-        and (
-            whole[k, OBJECT] < whole[other, OBJECT]
-            or (whole[k, OBJECT] == whole[other, OBJECT] and piece < found[OF_PIECE])
+    if (
+        other < 0
+        or d < best
+        or (
+            d == best
+            and (
+                whole[k, OBJECT] < whole[other, OBJECT]
+                or (whole[k, OBJECT] == whole[other, OBJECT] and piece < found[OF_PIECE])
+            )
         )
     ):
         found[DISTANCE], found[U], found[V] = d, u, v
@@ -195,7 +200,7 @@ def within_box(g1, g2, h11, h12, h22, a0, a1, b0, b1):
 
 @inner
 def from_parallelogram(rx, ry, rz, ax, ay, az, bx, by, bz):
-    """Return what |r + s a + t b| is at least for s, t in [-1, 1], and s, t where it is least about."""
+    """Return what |r + s a + t b| is at least and at most where it is least in [-1, 1]^2, and s, t there."""
     h11, h22 = ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz
     h12 = ax * bx + ay * by + az * bz
     s, t = within_box(
@@ -205,12 +210,12 @@ def from_parallelogram(rx, ry, rz, ax, ay, az, bx, by, bz):
     x, y, z = rx + s * ax + t * bx, ry + s * ay + t * by, rz + s * az + t * bz
     d = np.sqrt(x * x + y * y + z * z)
     if d == 0.0:
-        return 0.0, s, t
+        return 0.0, 0.0, s, t
     # Convex: no other point is nearer than by what the slopes at this one allow.
     g1, g2 = x * ax + y * ay + z * az, x * bx + y * by + z * bz
     loss = g1 * (1.0 + s) if g1 > 0.0 else -g1 * (1.0 - s)
     loss += g2 * (1.0 + t) if g2 > 0.0 else -g2 * (1.0 - t)
-    return d - loss / d, s, t
+    return d - loss / d, d, s, t
 
 
 @inner
@@ -225,27 +230,32 @@ def nearest_in_patch(shapes, trims, row, p, slack, found, heap, work):
     b30, b21 = cell[row, BOUNDS + 5], cell[row, BOUNDS + 6]
     b12, b03 = cell[row, BOUNDS + 7], cell[row, BOUNDS + 8]
     px, py, pz = p[0], p[1], p[2]
-    least, s, t = from_parallelogram(
+    least, most, s, t = from_parallelogram(
         cell[row, MIDDLE] - px, cell[row, MIDDLE + 1] - py, cell[row, MIDDLE + 2] - pz,
         cell[row, ALONG_U], cell[row, ALONG_U + 1], cell[row, ALONG_U + 2],
         cell[row, ALONG_V], cell[row, ALONG_V + 1], cell[row, ALONG_V + 2],
     )  # fmt: skip
-    least -= cell[row, OFF] + slack
-    if least > found[DISTANCE] + slack:
+    off, state = cell[row, OFF] + slack, shapes.cell_id[row, STATE]
+    least -= off
+    if least > found[LIMIT]:
         return
-    size = push(heap, 0, least, -1.0, 1.0, -1.0, 1.0, s, t, shapes.cell_id[row, STATE])
-    q = POINT
+    if state == WHOLE:
+        found[LIMIT] = min(found[LIMIT], most + off + slack)
+    size = push(heap, 0, least, -1.0, 1.0, -1.0, 1.0, s, t, state)
+    q, is_first = POINT, True
     while size > 0:
         size = pop(heap, size)
         least = heap[HEAP, LEAST]
-        if least > found[DISTANCE] + slack:
+        if least > found[LIMIT]:
             return
         a0, a1, b0, b1 = heap[HEAP, 1], heap[HEAP, 2], heap[HEAP, 3], heap[HEAP, 4]
         s, t, state = heap[HEAP, 5], heap[HEAP, 6], heap[HEAP, 7]
         found[FOUND] += 1.0
-        if found[FOUND] > MOST_PARTS:
+        is_last = found[FOUND] > MOST_PARTS  # of each cell one part is looked into, even so
+        if is_last and not is_first:
             found[FLOOR] = min(found[FLOOR], least)
             return
+        is_first = False
         is_done = False
         for step in range(NEWTON_STEPS):
             sheet_at(shapes, k, u0 + hu * (1.0 + s), v0 + hv * (1.0 + t), work)
@@ -272,18 +282,25 @@ def nearest_in_patch(shapes, trims, row, p, slack, found, heap, work):
                 d1, d2 = within_box(g1, g2, j11, j12, j22, a0 - s, a1 - s, b0 - t, b1 - t)
             else:
                 d1, d2 = within_box(g1, g2, h11, h12, h22, a0 - s, a1 - s, b0 - t, b1 - t)
-            if True:
-                if max(abs(d1), abs(d2)) <= FINAL_STEP:
+            is_final = max(abs(d1), abs(d2)) <= FINAL_STEP
+            if is_final or (state != WHOLE and step == 0):
+                # Bounds on third derivatives, and on how second ones change.
+                r1, r2 = max(a1 - s, s - a0), max(b1 - t, t - b0)
+                far = d + bu * r1 + bv * r2
+                e112 = 2.0 * buv * bu + buu * bv + far * b21
+                e122 = 2.0 * buv * bv + bvv * bu + far * b12
+                e11 = (3.0 * buu * bu + far * b30) * r1 + e112 * r2
+                e22 = (3.0 * bvv * bv + far * b03) * r2 + e122 * r1
+                e12 = e112 * r1 + e122 * r2
+                if state != WHOLE and (
+                    abs(g1) > (abs(h11) + 0.5 * e11) * r1 + (abs(h12) + 0.5 * e12) * r2
+                    or abs(g2) > (abs(h22) + 0.5 * e22) * r2 + (abs(h12) + 0.5 * e12) * r1
+                ):
+                    is_done = True  # nowhere stationary
+                    break
+                if is_final:
                     # Is nothing else on this part as near?
-                    r1, r2 = max(a1 - s, s - a0), max(b1 - t, t - b0)
-                    far = d + bu * r1 + bv * r2
-                    e111 = (3.0 * buu * bu + far * b30) * r1
-                    e112 = 2.0 * buv * bu + buu * bv + far * b21
-                    e122 = 2.0 * buv * bv + bvv * bu + far * b12
-                    e222 = (3.0 * bvv * bv + far * b03) * r2
-                    m11 = h11 - (e111 + e112 * r2) / 3.0
-                    m22 = h22 - (e222 + e122 * r1) / 3.0
-                    m12 = abs(h12) + (e112 * r1 + e122 * r2) / 3.0
+                    m11, m22, m12 = h11 - e11 / 3.0, h22 - e22 / 3.0, abs(h12) + e12 / 3.0
                     # What pushes outward at a side is no loss; and as |d| <= r, |g d| >= |g| d^2 / r.
                     f1 = 0.0 if (s == a0 and g1 > 0.0) or (s == a1 and g1 < 0.0) else g1
                     f2 = 0.0 if (t == b0 and g2 > 0.0) or (t == b1 and g2 < 0.0) else g2
@@ -310,7 +327,7 @@ def nearest_in_patch(shapes, trims, row, p, slack, found, heap, work):
                                 work[q, 0], work[q, 1], work[q, 2], False,
                             )  # fmt: skip
                             found[FLOOR] = min(found[FLOOR], found_least)
-                        elif is_stationary and d <= found[DISTANCE] + slack:
+                        elif is_stationary and d <= found[LIMIT]:
                             is_inside, is_near = stays_inside(shapes, trims, k, u, v)
                             if is_inside or is_near:
                                 offer(
@@ -326,7 +343,7 @@ def nearest_in_patch(shapes, trims, row, p, slack, found, heap, work):
             continue
         # Halve it, where it bends most.
         r1, r2 = 0.5 * (a1 - a0), 0.5 * (b1 - b0)
-        if max(bu * r1, bv * r2) < SMALLEST_PART:
+        if is_last or max(bu * r1, bv * r2) < SMALLEST_PART:
             found[FLOOR] = min(found[FLOOR], least)
             found[SEVERAL_AT] = 1.0
             continue
@@ -350,14 +367,14 @@ def nearest_in_patch(shapes, trims, row, p, slack, found, heap, work):
                     continue
             sheet_at(shapes, k, u0 + hu * (1.0 + s), v0 + hv * (1.0 + t), work)
             f, g = hu * w1, hv * w2
-            low, i, j = from_parallelogram(
+            low, _, i, j = from_parallelogram(
                 work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz,
                 f * work[q + 1, 0], f * work[q + 1, 1], f * work[q + 1, 2],
                 g * work[q + 2, 0], g * work[q + 2, 1], g * work[q + 2, 2],
             )  # fmt: skip
             low -= 0.5 * buu * w1 * w1 + buv * w1 * w2 + 0.5 * bvv * w2 * w2 + slack
             low = max(low, least)
-            if low <= found[DISTANCE] + slack:
+            if low <= found[LIMIT]:
                 if size >= HEAP - 1:
                     found[FLOOR] = min(found[FLOOR], low)
                     found[SEVERAL_AT] = 1.0
@@ -415,7 +432,7 @@ def place_on_turned(shapes, k, c, s, z, r):
 def offer_on_curve(shapes, trims, row, kind, p, c, s, d, slack, u, v, x, y, z, least, found):
     """Offer a point of a curve cell that is the nearest of its part, or of a turned one at an azimuth."""
     k, state = shapes.cell_id[row, SHEET], shapes.cell_id[row, STATE]
-    if d > found[DISTANCE] + slack:
+    if d > found[LIMIT]:
         return
     is_edge = kind == EDGE
     if not is_edge:
@@ -460,7 +477,7 @@ def nearest_on_curve(shapes, trims, row, kind, p, slack, found, heap, work):
                 d = np.sqrt((away - radius) ** 2 + more)
             else:
                 d = np.sqrt((x - radius * c) ** 2 + (y - radius * s) ** 2 + more)
-            if d > found[DISTANCE] + slack:
+            if d > found[LIMIT]:
                 return
             angle = np.arctan2(s, c) - number[k, PROFILE + 3]
             way = number[k, PROFILE + 4] - number[k, PROFILE + 3]
@@ -475,27 +492,34 @@ def nearest_on_curve(shapes, trims, row, kind, p, slack, found, heap, work):
             note_rings(found, k, d, slack, away, radius, abs(py), r)
             return
     b1, b2, b3 = cell[row, BOUNDS], cell[row, BOUNDS + 1], cell[row, BOUNDS + 2]
-    least, s, _ = from_parallelogram(
+    least, most, s, _ = from_parallelogram(
         cell[row, MIDDLE] - px, cell[row, MIDDLE + 1] - py, cell[row, MIDDLE + 2] - pz,
         cell[row, ALONG_U], cell[row, ALONG_U + 1], cell[row, ALONG_U + 2], 0.0, 0.0, 0.0,
     )  # fmt: skip
-    least = max(least - cell[row, OFF] - slack, 0.0)
+    off = cell[row, OFF] + slack
+    least = max(least - off, 0.0)
     least = np.sqrt(least * least + more)
-    if least > found[DISTANCE] + slack:
+    if least > found[LIMIT]:
         return
-    size = push(heap, 0, least, -1.0, 1.0, 0.0, 0.0, s, 0.0, state)
+    if state == WHOLE:
+        found[LIMIT] = min(found[LIMIT], np.sqrt((most + off) ** 2 + more) + slack)
+    size, is_first = push(heap, 0, least, -1.0, 1.0, 0.0, 0.0, s, 0.0, state), True
     while size > 0:
         size = pop(heap, size)
         least = heap[HEAP, LEAST]
-        if least > found[DISTANCE] + slack:
+        if least > found[LIMIT]:
             return
         a0, a1, s = heap[HEAP, 1], heap[HEAP, 2], heap[HEAP, 5]
         found[FOUND] += 1.0
-        if found[FOUND] > MOST_PARTS:
+        is_last = found[FOUND] > MOST_PARTS  # of each cell one part is looked into, even so
+        if is_last and not is_first:
             found[FLOOR] = min(found[FLOOR], least)
             return
+        is_first = False
         half = 0.5 * (
-            cell[row, BOX + 1] - cell[row, BOX] if kind == EDGE else cell[row, BOX + 3] - cell[row, BOX + 2]
+            cell[row, BOX + 1] - cell[row, BOX]
+            if kind == EDGE
+            else cell[row, BOX + 3] - cell[row, BOX + 2]
         )
         is_done = False
         for step in range(NEWTON_STEPS):
@@ -516,9 +540,21 @@ def nearest_on_curve(shapes, trims, row, kind, p, slack, found, heap, work):
                 )  # fmt: skip
                 is_done = True
                 break
+            r = max(a1 - s, s - a0)
+            e = (3.0 * b1 * b2 + (d + b1 * r) * b3) * r
+            if state == CUT and abs(g) > (abs(h) + 0.5 * e) * r:
+                is_done = True  # nowhere stationary
+                if kind == EDGE:  # the end of a border may be one of the surface
+                    q, u, v = curve_of_cell(shapes, row, kind, a0 if g > 0.0 else a1, work)
+                    x, y, z = work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz
+                    d = np.sqrt(x * x + y * y + z * z)
+                    offer_on_curve(
+                        shapes, trims, row, kind, p, cu, su, d, slack, u, v,
+                        work[q, 0], work[q, 1], work[q, 2], d, found,
+                    )  # fmt: skip
+                break
             if abs(to) <= FINAL_STEP:
-                r = max(a1 - s, s - a0)
-                m = h - (3.0 * b1 * b2 + (d + b1 * r) * b3) * r / 3.0
+                m = h - e / 3.0
                 is_pushed = (s == a0 and g > 0.0) or (s == a1 and g < 0.0)
                 counts = state == WHOLE or d > found[DISTANCE] + 2.0 * slack
                 if is_pushed and counts:
@@ -531,14 +567,15 @@ def nearest_on_curve(shapes, trims, row, kind, p, slack, found, heap, work):
                     # Of a cut turned cell only what is stationary counts.
                     if kind == TURNED and state == CUT and is_pushed and g * g > 2.0**-40 * m * j:
                         break
-                    for c in range(3):
-                        work[q, c] += half * to * work[q + 1, c]
-                    r = work[q, 1]
-                    if kind == TURNED:
-                        v += half * to
+                    least = np.sqrt(max(f - loss, 0.0))
+                    if least > found[LIMIT]:
+                        break
+                    q, u, v = curve_of_cell(shapes, row, kind, s + to, work)
+                    x, y, z = work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz
+                    d, r = np.sqrt(x * x + y * y + z * z + more), work[q, 1]
                     offer_on_curve(
                         shapes, trims, row, kind, p, cu, su, d, slack, u, v,
-                        work[q, 0], work[q, 1], work[q, 2], np.sqrt(max(f - loss, 0.0)), found,
+                        work[q, 0], work[q, 1], work[q, 2], least, found,
                     )  # fmt: skip
                     if kind == TURNED:
                         note_rings(found, k, d, slack, np.inf, 0.0, abs(py), r)
@@ -548,8 +585,13 @@ def nearest_on_curve(shapes, trims, row, kind, p, slack, found, heap, work):
             s = min(max(s + to, a0), a1)
         if is_done:
             continue
+        if state == WHOLE:  # any point will do as an upper bound
+            offer_on_curve(
+                shapes, trims, row, kind, p, cu, su, d, slack, u, v,
+                work[q, 0], work[q, 1], work[q, 2], np.inf, found,
+            )  # fmt: skip
         w = 0.5 * (a1 - a0)
-        if b1 * w < SMALLEST_PART:
+        if is_last or b1 * w < SMALLEST_PART:
             found[FLOOR] = min(found[FLOOR], least)
             found[SEVERAL_AT] = 1.0
             continue
@@ -559,19 +601,13 @@ def nearest_on_curve(shapes, trims, row, kind, p, slack, found, heap, work):
             middle, wide = 0.5 * (c0 + c1), 0.5 * (c1 - c0)
             q, u, v = curve_of_cell(shapes, row, kind, middle, work)
             f = half * wide
-            low, i, _ = from_parallelogram(
+            low, _, i, _ = from_parallelogram(
                 work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz,
                 f * work[q + 1, 0], f * work[q + 1, 1], f * work[q + 1, 2], 0.0, 0.0, 0.0,
             )  # fmt: skip
             low = max(low - 0.5 * b2 * wide * wide - slack, 0.0)
             low = max(np.sqrt(low * low + more), least)
-            if state == WHOLE:  # any point will do as an upper bound
-                offer_on_curve(
-                    shapes, trims, row, kind, p, cu, su,
-                    np.sqrt((work[q, 0] - px) ** 2 + (work[q, 1] - py) ** 2 + (work[q, 2] - pz) ** 2 + more),
-                    slack, u, v, work[q, 0], work[q, 1], work[q, 2], np.inf, found,
-                )  # fmt: skip
-            if low <= found[DISTANCE] + slack:
+            if low <= found[LIMIT]:
                 if size >= HEAP - 1:
                     found[FLOOR] = min(found[FLOOR], low)
                     found[SEVERAL_AT] = 1.0
@@ -584,7 +620,7 @@ def note_rings(found, k, d, slack, away, radius, off_axis, r):
     """Note that a whole circle is as near as what was found: about p on the axis, or on the centre of an arc."""
     apart = SAME_PLACE * np.sqrt(slack * (d + slack))
     is_ring = (away <= slack and radius > apart) or (off_axis * r <= slack * d and r > apart)
-    if is_ring and found[OF_SHEET] == k and d <= found[DISTANCE] + slack:
+    if is_ring and found[OF_SHEET] == k and d <= found[LIMIT]:
         found[SEVERAL_AT] = 1.0
 
 
@@ -618,7 +654,7 @@ def nearest_in_triangle(shapes, row, p, slack, found):
             v = 0.0 if side == 1 else at
         dx, dy, dz = x + u * ax + v * bx, y + u * ay + v * by, z + u * az + v * bz
         d = np.sqrt(dx * dx + dy * dy + dz * dz)
-        if d > found[DISTANCE] + slack:
+        if d > found[LIMIT]:
             continue
         # Convex: no other point is nearer than by what the slopes toward the corners allow.
         qa, qb = dx * ax + dy * ay + dz * az, dx * bx + dy * by + dz * bz
@@ -626,7 +662,20 @@ def nearest_in_triangle(shapes, row, p, slack, found):
         least = max(d - loss / d, 0.0) if d > 0.0 else 0.0
         if least < d - slack:
             continue  # not the nearest, or not for sure: a side is
-        offer(found, shapes, k, shapes.cell_id[row, ARC], d, slack, u, v, dx + p[0], dy + p[1], dz + p[2], side > 0)
+        offer(
+            found,
+            shapes,
+            k,
+            shapes.cell_id[row, ARC],
+            d,
+            slack,
+            u,
+            v,
+            dx + p[0],
+            dy + p[1],
+            dz + p[2],
+            side > 0,
+        )
         found[FLOOR] = min(found[FLOOR], least)
         return
 
@@ -661,7 +710,7 @@ def search_group(shapes, trims, groups, root, p, slack, found, heap, work, todo,
     top, todo[0], at[0] = 1, root, 0.0
     while top > 0:
         top -= 1
-        limit, node = found[DISTANCE] + slack, todo[top]
+        limit, node = found[LIMIT], todo[top]
         if at[top] > limit * limit:
             continue
         if node >= 0:
@@ -684,7 +733,11 @@ def search_group(shapes, trims, groups, root, p, slack, found, heap, work, todo,
 def search_place(shapes, trims, groups, place, points, i, answers, found, p, heap, work, todo, at):
     """Search one place for what is nearer to point i than the answer so far, and take it."""
     move, unit = groups.place, groups.place[place, 12]
-    x, y, z = points[i, 0] - move[place, 9], points[i, 1] - move[place, 10], points[i, 2] - move[place, 11]
+    x, y, z = (
+        points[i, 0] - move[place, 9],
+        points[i, 1] - move[place, 10],
+        points[i, 2] - move[place, 11],
+    )
     far = 2.0
     for axis in range(3):
         k = 3 * axis
@@ -694,6 +747,7 @@ def search_place(shapes, trims, groups, place, points, i, answers, found, p, hea
     slack = SLACK * error
     found[DISTANCE] = answers.distance[i] / unit + 2.0 * slack
     found[FLOOR], found[SEVERAL_AT], found[OF_SHEET], found[FOUND] = np.inf, 0.0, -1.0, 0.0
+    found[LIMIT] = found[DISTANCE] + slack
     root = groups.root[groups.group[place]]
     search_group(shapes, trims, groups, root, p, slack, found, heap, work, todo, at)
     least = min(found[FLOOR], found[DISTANCE]) * unit
@@ -778,7 +832,9 @@ def closest_points(shapes, trims, groups, planes, points, answers):
             if apart[top] > limit * limit:
                 continue
             if node >= 0:
-                top = open_node(groups.top_rows, groups.top_links, node, q, limit, above, apart, top)
+                top = open_node(
+                    groups.top_rows, groups.top_links, node, q, limit, above, apart, top
+                )
                 continue
             parent, child = (-1 - node) // WIDTH, (-1 - node) % WIDTH
             begin = groups.top_links[parent, CHILD, child]
