@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,10 +32,10 @@ from hybrid_rt.distance.kernels.table import (
     Groups,
     Shapes,
 )
-from hybrid_rt.distance.record import ClosestRecord, Closeness
-from hybrid_rt.distance.sheets import Frame, Owner, Sheets, add_sheets
+from hybrid_rt.distance.record import Closeness, ClosestRecord
+from hybrid_rt.distance.sheets import Frame, Owner, Sheets, add_edges, add_sheets
 from hybrid_rt.distance.sides import Sides, is_closed
-from hybrid_rt.intersection.kernels.search.tree import build_tree
+from hybrid_rt.intersection.kernels.search.tree import CHILD, COUNT, ROWS, WIDTH, build_tree
 from hybrid_rt.intersection.kinds.registry import check_surfaces
 from hybrid_rt.primitives import Plane
 from hybrid_rt.primitives.instances import Instances
@@ -46,6 +47,15 @@ from meshing.trims import make_table
 LEAF = 4
 # What is left of a matrix times its inverse beside 1 counts this often.
 MATRIX_SLACK = 4.0
+
+
+class Group:
+    """Surfaces, with their numbers, that share a frame; and their places, or None for one as they are."""
+
+    def __init__(self, members: list[tuple[int, Surface]], instances: Instances | None) -> None:
+        boxes = np.array([surface.bounds for _, surface in members])
+        self.members, self.instances = members, instances
+        self.frame = Frame.about(np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]))
 
 
 class ClosestPoint:
@@ -100,83 +110,69 @@ class ClosestPoint:
         )
 
     def _build(self) -> None:
-        sheets, planes, places = Sheets(), [], list[tuple[Any, ...]]()
+        sheets = Sheets()
+        groups = self._groups_of_surfaces()
+        for number, group in enumerate(groups):
+            first = 0
+            for i, surface in group.members:
+                add_sheets(surface, sheets, Owner(group.frame, number, i, first))
+                first += 0 if group.instances is None else len(surface)
+        self._planes = np.array([
+            (*s.origin, *s.unit_normal, i, s.moved + s.tilt + 2.0**-52)
+            for i, s in enumerate(self.surfaces) if isinstance(s, Plane)
+        ]).reshape(-1, 8)  # fmt: skip
+        self._trims = make_table([surface for surface, _ in sheets.trimmed])
+        add_edges(sheets, self._trims)
+        self._shapes, group_of_cell = _cells(sheets, self._trims)
+        lower, upper = np.empty((len(group_of_cell), 3)), np.empty((len(group_of_cell), 3))
+        boxes_of_cells(self._shapes, self._shapes.cell, self._shapes.cell_id, lower, upper)
+        error, of_sheet = self._shapes.sheet[:, ERROR], np.array(sheets.group, np.int64)
+        trees, roots, n_nodes, n_cells, depth = [_no_tree()], [], 0, 0, 0
+        boxes, moves, of_place, row_of = list[FloatArray](), [np.empty((0, 15))], [], []
+        for number, group in enumerate(groups):
+            rows = np.flatnonzero(group_of_cell == number)
+            if not len(rows):
+                i = group.members[0][0]
+                raise ValueError(f"ClosestPoint surfaces[{i}] has no point inside its loops")
+            nodes, links, order, waiting = build_tree(lower[rows], upper[rows], LEAF)
+            begin = np.where(links[:, COUNT] > 0, n_cells, n_nodes).astype(np.int32)
+            links[:, CHILD] += np.where(links[:, CHILD] >= 0, begin, 0)
+            trees.append((nodes, links, rows[order].astype(np.int32)))
+            roots.append(n_nodes)
+            n_nodes, n_cells = n_nodes + len(nodes), n_cells + len(rows)
+            depth = max(depth, waiting)
+            box = np.stack([lower[rows].min(axis=0), upper[rows].max(axis=0)])
+            for row, place in enumerate(
+                _places(group, box, float(error[of_sheet == number].max()))
+            ):
+                moves.append(place[0][None])
+                boxes.append(place[1])
+                of_place.append(number)
+                row_of.append(-1 if group.instances is None else row)
+        top, top_links, top_order, frame, waiting = _top_tree(np.array(boxes).reshape(-1, 2, 3))
+        nodes, links, order = (np.concatenate(each) for each in zip(*trees, strict=True))
+        self._groups = Groups(
+            nodes, links, order, np.array(roots, np.int64), np.array(of_place, np.int64),
+            np.concatenate(moves), top, top_links, top_order, frame, max(depth, waiting),
+        )  # fmt: skip
+        # Of each place its row; of each object how many patches a place has.
+        self._row_of = np.array(row_of or [-1], np.int64)
+        self._n_patches = np.array(
+            [s.n_patches if isinstance(s, Instances) else 0 for s in self.surfaces], np.int64
+        )
+
+    def _groups_of_surfaces(self) -> list[Group]:
+        """Return what has a frame, and a tree, of its own: all plain surfaces, and each `Instances`."""
         plain = [
             (i, s)
             for i, s in enumerate(self.surfaces)
             if s.is_bounded and not isinstance(s, Instances)
         ]
-        groups: list[tuple[Any, Any, Frame]] = []
-        if plain:
-            boxes = np.array([s.bounds for _, s in plain])
-            box = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
-            groups.append((plain, None, Frame.about(box)))
-        for i, surface in enumerate(self.surfaces):
-            if isinstance(surface, Plane):
-                row = (
-                    *surface.origin,
-                    *surface.unit_normal,
-                    i,
-                    surface.moved + surface.tilt + 2.0**-52,
-                )
-                planes.append(row)
-            elif isinstance(surface, Instances):
-                boxes = np.array([s.bounds for s in surface.surfaces])
-                box = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
-                members = [(i, s) for s in surface.surfaces]
-                groups.append((members, surface, Frame.about(box)))
-        for number, (members, instances, frame) in enumerate(groups):
-            first = 0
-            for i, surface in members:
-                add_sheets(surface, sheets, Owner(frame, number, i, first))
-                first += 0 if instances is None else len(surface)
-        self._planes = np.array(planes).reshape(-1, 8)
-        self._trims = make_table(sheets.trimmed)
-        self._shapes, group_of_cell = _cells(sheets, self._trims)
-        lower, upper = np.empty((len(group_of_cell), 3)), np.empty((len(group_of_cell), 3))
-        boxes_of_cells(self._shapes, self._shapes.cell, self._shapes.cell_id, lower, upper)
-        trees, roots, n_nodes, n_cells, depth = [], [], 0, 0, 0
-        error = np.array([number[ERROR] for number in sheets.number])
-        group_of_sheet = np.array(sheets.group)
-        boxes = []
-        self._place_of: list[tuple[int, int]] = []
-        for number, (_, instances, frame) in enumerate(groups):
-            rows = np.flatnonzero(group_of_cell == number)
-            if not len(rows):
-                raise ValueError(
-                    f"ClosestPoint surfaces[{groups[number][0][0][0]}] has no point inside its loops"
-                )
-            tree, links, order, stack = build_tree(lower[rows], upper[rows], LEAF)
-            is_leaf = links[:, 7] > 0
-            is_there = links[:, 6] >= 0
-            links[:, 6] += np.where(is_there, np.where(is_leaf, n_cells, n_nodes), 0).astype(
-                np.int32
-            )
-            trees.append((tree, links, rows[order].astype(np.int32)))
-            roots.append(n_nodes)
-            n_nodes, n_cells, depth = n_nodes + len(tree), n_cells + len(rows), max(depth, stack)
-            low, high = lower[rows].min(axis=0), upper[rows].max(axis=0)
-            most = float(error[group_of_sheet == number].max())
-            for row, (moves, box) in enumerate(_places(instances, frame, low, high, most)):
-                places.append((number, moves))
-                boxes.append(box)
-                self._place_of.append((-1 if instances is None else row, number))
-        top = _top_tree(np.array(boxes).reshape(-1, 2, 3))
-        self._groups = Groups(
-            np.concatenate([t[0] for t in trees]) if trees else np.empty((0, 8, 8), np.float32),
-            np.concatenate([t[1] for t in trees]) if trees else np.empty((0, 8, 8), np.int32),
-            np.concatenate([t[2] for t in trees]) if trees else np.empty(0, np.int32),
-            np.array(roots, np.int64),
-            np.array([number for number, _ in places], np.int64),
-            np.array([moves for _, moves in places]).reshape(-1, 15),
-            *top[:4],
-            max(depth, top[4]) + 16,
-        )
-        # Of each place its row; of each object how many patches a place has.
-        self._row_of = np.array([row for row, _ in self._place_of] or [-1], np.int64)
-        self._n_patches = np.array(
-            [s.n_patches if isinstance(s, Instances) else 0 for s in self.surfaces], np.int64
-        )
+        groups = [Group(plain, None)] if plain else []
+        return groups + [
+            Group([(i, one) for one in s.surfaces], s)
+            for i, s in enumerate(self.surfaces) if isinstance(s, Instances)
+        ]  # fmt: skip
 
     def query(self, points: ArrayLike) -> ClosestRecord:
         """Find the closest point of each of n points.
@@ -197,10 +193,24 @@ class ClosestPoint:
         for i in np.flatnonzero(~np.isfinite(array).all(axis=1))[:1]:
             raise ValueError(f"points[{i}] is {shown(array[i].tolist())}: pass finite numbers")
         n = len(array)
+        numbers, ids = np.empty((5, n)), np.empty((4, n), np.int64)
+        several, on_edge = np.empty(n, np.bool_), np.empty(n, np.bool_)
+        distance, least, error, at_u, at_v = numbers
+        sheet, piece, place, thing = ids
         found = Answers(
-            *(np.empty(n) for _ in range(3)), np.empty(n, np.bool_), np.empty(n), np.empty(n),
-            np.empty((n, 3)), *(np.empty(n, np.int64) for _ in range(4)), np.empty(n, np.bool_),
-        )  # fmt: skip
+            distance,
+            least,
+            error,
+            several,
+            at_u,
+            at_v,
+            np.empty((n, 3)),
+            sheet,
+            piece,
+            place,
+            thing,
+            on_edge,
+        )
 
         def work(begin: int, end: int) -> None:
             closest_points(
@@ -294,10 +304,8 @@ def _cells(sheets: Sheets, trims: Any) -> tuple[Shapes, NDArray[np.int64]]:
     edge_id = np.array(sheets.edge_id, np.int64).reshape(-1, 4)
     is_mesh = np.zeros(len(shapes.sheet), np.bool_)
     is_mesh[[first for first, _ in sheets.triangles]] = True
-    for make in (
-        lambda *out: cells_of_sheets(shapes, trims, is_mesh, *out),
-        lambda *out: cells_of_edges(shapes, edge, edge_id, *out),
-    ):
+    of_sheets = partial(cells_of_sheets, shapes, trims, is_mesh)
+    for make in (of_sheets, partial(cells_of_edges, shapes, edge, edge_id)):
         # Counted first.
         n = make(np.empty((0, CELL_NUMBERS)), np.empty((0, CELL_INTEGERS), np.int64))
         both = np.empty((n, CELL_NUMBERS)), np.empty((n, CELL_INTEGERS), np.int64)
@@ -316,38 +324,36 @@ def _cells(sheets: Sheets, trims: Any) -> tuple[Shapes, NDArray[np.int64]]:
     return shapes._replace(cell=cell, cell_id=cell_id), np.array(sheets.group)[cell_id[:, SHEET]]
 
 
-def _places(
-    instances: Instances | None, frame: Frame, low: FloatArray, high: FloatArray, error: float
-) -> list[tuple[FloatArray, FloatArray]]:
-    """Return the rows of `Groups.place` of a group, and boxes of the places in the world."""
-    matrices, scales = np.eye(4)[None, :3], np.ones(1)
-    if instances is not None:
-        matrices, scales = instances.matrices, instances.scale
-    found = []
+def _no_tree() -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
+    none = np.empty((0, ROWS, WIDTH), np.float32)
+    return none, none.view(np.int32), np.empty(0, np.int32)
+
+
+def _places(group: Group, box: FloatArray, error: float) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield a row of `Groups.place` and a box in the world for each place of a group."""
+    frame, matrices, scales = group.frame, np.eye(4)[None, :3], np.ones(1)
+    if group.instances is not None:
+        matrices, scales = group.instances.matrices, group.instances.scale
+    corners = frame.unit * np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3)
     for matrix, scale in zip(matrices, scales.tolist(), strict=True):
         linear, unit = matrix[:, :3], scale * frame.unit
-        turned = linear @ frame.centre
-        shift = matrix[:, 3] + turned
-        inverse = linear.T / scale**2
-        off = float(np.abs(inverse @ linear - np.eye(3)).sum())
-        own = 0.0
-        if instances is not None:
+        shift, inverse = matrix[:, 3] + linear @ frame.centre, linear.T / scale**2
+        off, own = float(np.abs(inverse @ linear - np.eye(3)).sum()), 0.0
+        if group.instances is not None:
             terms = np.abs(matrix[:, 3]) + 4.0 * np.abs(linear) @ np.abs(frame.centre)
             own = 2.0**-52 * float(terms.sum()) / unit
-        moves = np.concatenate(
-            [(inverse / frame.unit).ravel(), shift, [unit, error + own, MATRIX_SLACK * off]]
+        numbers = unit, error + own, MATRIX_SLACK * off
+        there = shift + corners @ linear.T
+        yield (
+            np.array([*(inverse / frame.unit).ravel(), *shift, *numbers]),
+            np.stack([there.min(axis=0), there.max(axis=0)]),
         )
-        corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), axis=-1).reshape(-1, 3)
-        there = shift + frame.unit * corners @ linear.T
-        found.append((moves, np.stack([there.min(axis=0), there.max(axis=0)])))
-    return found
 
 
 def _top_tree(boxes: FloatArray) -> tuple[Any, ...]:
     """Return a tree over the boxes of places: nodes, links, order, frame, and how many may wait."""
     if not len(boxes):
-        none = np.empty((0, 8, 8), np.float32)
-        return none, none.view(np.int32), np.empty(0, np.int32), np.array([0, 0, 0, 1.0]), 8
+        return *_no_tree(), np.array([0.0, 0.0, 0.0, 1.0]), WIDTH
     box = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
     frame = Frame.about(box)
     rows, links, order, stack = build_tree(frame.place(boxes[:, 0]), frame.place(boxes[:, 1]), 1)

@@ -20,7 +20,6 @@ from hybrid_rt.distance.kernels.table import (
     FRAME,
     PROFILE,
     SAG,
-    SHEET_INTEGERS,
     SHEET_NUMBERS,
     SPAN,
     TURN,
@@ -31,7 +30,7 @@ from hybrid_rt.primitives.torus import Torus
 from meshing import BezierPatches, SurfaceOfRevolution, TrimmedSurface
 from meshing.bezier import RationalPatches
 from meshing.checks import shown
-from meshing.kernels.trims import points_of_arc
+from meshing.kernels.trims import TrimTable, points_of_arc
 from meshing.profiles import homogeneous
 from meshing.sheet import PatchSheet
 from meshing.surface import Surface
@@ -77,7 +76,9 @@ class Sheets:
     edge: list[tuple[float, float]] = field(default_factory=list)
     edge_id: list[tuple[int, int, int, int]] = field(default_factory=list)
     triangles: list[tuple[int, FloatArray]] = field(default_factory=list)  # first sheet, (n, 3, 3)
-    trimmed: list[TrimmedSurface] = field(default_factory=list)
+    trimmed: list[tuple[TrimmedSurface, int]] = field(
+        default_factory=list
+    )  # with their first sheets
     rows: int = 0
 
     def add_net(self, net: FloatArray) -> int:
@@ -153,8 +154,8 @@ def _add_patches(surface: BezierPatches | PatchSheet, sheets: Sheets, owner: Own
             w = w * math.ldexp(1.0, -math.frexp(float(w.max()))[1])
         largest = max(float(np.abs(placed).max()), 1.0)
         error = error_of(pieces, owner, m + n) * largest
-        net = np.column_stack([placed * w[:, None], w])
-        _add_patch(sheets, owner, net, (m, n), patch, error)
+        weighted = np.column_stack([placed * w[:, None], w])
+        _add_patch(sheets, owner, weighted, (m, n), patch, error)
 
 
 def _add_patch(
@@ -243,25 +244,33 @@ def _add_trimmed(surface: TrimmedSurface, sheets: Sheets, owner: Owner) -> None:
     first = len(sheets.whole)
     owner.loops, owner.spans = len(sheets.trimmed), surface.spans
     add_sheets(surface.surface, sheets, owner)
-    sheets.trimmed.append(surface)
-    spans = np.array([number[SPAN : SPAN + 4] for number in sheets.number[first:]])
-    table, starts = surface.table, dict[int, int]()
-    for (at, degree), piece in zip(table.arc.tolist(), table.piece.tolist(), strict=True):
-        net = table.net[at : at + degree + 1]
-        if at not in starts:
-            starts[at] = _add_arc(sheets, net)
-        ends = sorted((piece[:3], piece[3:]))
-        _add_edge(sheets, spans, first, net, starts[at], ends, 0)
-    # Where loops go beyond a border that does not close, that ends the surface, inside the loops.
-    points = np.concatenate([curve.control for loop in surface.loops for curve in loop])
-    for axis, closes in enumerate(surface.closes):
-        for end, far in ((0.0, points[:, axis].min()), (1.0, 1.0 - points[:, axis].max())):
-            if closes or far > AT_BORDER:
-                continue
-            net = np.array([[end, end, 1.0], [end, end, 1.0]])
-            net[:, 1 - axis] = 0.0, 1.0
-            ends = [[0.0, *net[0, :2]], [1.0, *net[1, :2]]]
-            _add_edge(sheets, spans, first, net, _add_arc(sheets, net), ends, 1)
+    sheets.trimmed.append((surface, first))
+
+
+def add_edges(sheets: Sheets, trims: TrimTable) -> None:
+    """Add the curves that end trimmed surfaces; ``trims`` is the table of their loops, in order."""
+    begin = 0
+    for (surface, first), (*_, count) in zip(sheets.trimmed, trims.member.tolist(), strict=True):
+        spans = np.array(sheets.number[first : first + len(surface)])[:, SPAN : SPAN + 4]
+        part, starts = slice(begin, begin + count), dict[int, int]()
+        begin += count
+        for (at, degree), row in zip(
+            trims.arc[part].tolist(), trims.piece[part].tolist(), strict=True
+        ):
+            net = trims.net[at : at + degree + 1]
+            if at not in starts:
+                starts[at] = _add_arc(sheets, net)
+            _add_edge(sheets, spans, first, net, starts[at], sorted((row[:3], row[3:])), 0)
+        # Where loops go beyond a border that does not close, that ends the surface, inside the loops.
+        points = np.concatenate([curve.control for loop in surface.loops for curve in loop])
+        for axis, closes in enumerate(surface.closes):
+            for end, far in ((0.0, points[:, axis].min()), (1.0, 1.0 - points[:, axis].max())):
+                if closes or far > AT_BORDER:
+                    continue
+                net = np.array([[end, end, 1.0], [end, end, 1.0]])
+                net[:, 1 - axis] = 0.0, 1.0
+                ends = [[0.0, *net[0, :2]], [1.0, *net[1, :2]]]
+                _add_edge(sheets, spans, first, net, _add_arc(sheets, net), ends, 1)
 
 
 def _add_arc(sheets: Sheets, net: FloatArray) -> int:
@@ -274,13 +283,18 @@ def _add_edge(
     """Add what a curve, u and v of which are monotone, has in the unit square, cut where it changes sheets."""
     (s0, *low), (s1, *high) = ends
     cuts = [s0, s1]
-    for axis in (0, 1):
-        a, b = low[axis], high[axis]
-        cuts += [
-            _where(net, axis, value, s0, s1, b > a)
-            for value in np.unique(spans[:, 2 * axis : 2 * axis + 2]).tolist()
-            if min(a, b) < value < max(a, b)
-        ]
+    if len(spans) > 1 or min(*low, *high) < 0.0 or max(*low, *high) > 1.0:
+        for axis in (0, 1):
+            a, b = low[axis], high[axis]
+            cuts += [
+                _where(net, axis, value, s0, s1, b > a)
+                for value in np.unique(spans[:, 2 * axis : 2 * axis + 2]).tolist()
+                if min(a, b) < value < max(a, b)
+            ]
+    elif s1 > s0:
+        sheets.edge.append((s0, s1))
+        sheets.edge_id.append((first, start, len(net) - 1, checked))
+        return
     for a, b in pairwise(sorted(cuts)):
         if b > a:
             u, v = _point(net, 0.5 * (a + b))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.core.records import BoolArray, FloatArray, Flag, Status
+from hybrid_rt.core.records import BoolArray, Flag, FloatArray, Status
 from hybrid_rt.intersection.intersector import Intersector
 from hybrid_rt.primitives import TriangleMesh
 from hybrid_rt.primitives.instances import Instances

@@ -63,7 +63,7 @@ WIDENED, DIFFERENCES = 1.0 + 2.0**-40, 2.0**-50
 BENDING = 0.25
 # Cells of patches are halved so often at most, and turned ones along the profile; and cut ones while they are
 # more than this part of the whole (u, v).
-MOST_HALVED, MOST_IN_PROFILE, CUT_PART = 14, 10, 1.0 / 80.0
+MOST_HALVED, MOST_IN_PROFILE, CUT_PART = 14, 10, 1.0 / 24.0
 # A turn has so many cells: the hull of each is narrow.
 PARTS_OF_TURN = 8
 # Below this in the frame nothing is halved.

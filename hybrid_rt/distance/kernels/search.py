@@ -39,7 +39,6 @@ from hybrid_rt.distance.kernels.table import (
     CUT,
     DEGREE,
     EDGE,
-    ERROR,
     FORM,
     FRAME,
     KIND,
@@ -429,7 +428,7 @@ def place_on_turned(shapes, k, c, s, z, r):
 
 
 @inner
-def offer_on_curve(shapes, trims, row, kind, p, c, s, d, slack, u, v, x, y, z, least, found):
+def offer_on_curve(shapes, trims, row, kind, c, s, d, slack, u, v, x, y, z, least, found):
     """Offer a point of a curve cell that is the nearest of its part, or of a turned one at an azimuth."""
     k, state = shapes.cell_id[row, SHEET], shapes.cell_id[row, STATE]
     if d > found[LIMIT]:
@@ -486,9 +485,7 @@ def nearest_on_curve(shapes, trims, row, kind, p, slack, found, heap, work):
             angle += 2.0 * np.pi * np.floor((middle - angle) / (2.0 * np.pi) + 0.5)
             v = min(max(angle / way, 0.0), 1.0)
             z, r = z + radius * s, r + radius * c
-            offer_on_curve(
-                shapes, trims, row, kind, p, cu, su, d, slack, 0.0, v, z, r, 0.0, d, found
-            )
+            offer_on_curve(shapes, trims, row, kind, cu, su, d, slack, 0.0, v, z, r, 0.0, d, found)
             note_rings(found, k, d, slack, away, radius, abs(py), r)
             return
     b1, b2, b3 = cell[row, BOUNDS], cell[row, BOUNDS + 1], cell[row, BOUNDS + 2]
@@ -535,7 +532,7 @@ def nearest_on_curve(shapes, trims, row, kind, p, slack, found, heap, work):
             to = min(max(s - g / curvature, a0), a1) - s if curvature > 0.0 else 0.0
             if b1 * (a1 - a0) <= slack:  # a point
                 offer_on_curve(
-                    shapes, trims, row, kind, p, cu, su, d, slack, u, v,
+                    shapes, trims, row, kind, cu, su, d, slack, u, v,
                     work[q, 0], work[q, 1], work[q, 2], d - slack, found,
                 )  # fmt: skip
                 is_done = True
@@ -549,7 +546,7 @@ def nearest_on_curve(shapes, trims, row, kind, p, slack, found, heap, work):
                     x, y, z = work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz
                     d = np.sqrt(x * x + y * y + z * z)
                     offer_on_curve(
-                        shapes, trims, row, kind, p, cu, su, d, slack, u, v,
+                        shapes, trims, row, kind, cu, su, d, slack, u, v,
                         work[q, 0], work[q, 1], work[q, 2], d, found,
                     )  # fmt: skip
                 break
@@ -574,7 +571,7 @@ def nearest_on_curve(shapes, trims, row, kind, p, slack, found, heap, work):
                     x, y, z = work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz
                     d, r = np.sqrt(x * x + y * y + z * z + more), work[q, 1]
                     offer_on_curve(
-                        shapes, trims, row, kind, p, cu, su, d, slack, u, v,
+                        shapes, trims, row, kind, cu, su, d, slack, u, v,
                         work[q, 0], work[q, 1], work[q, 2], least, found,
                     )  # fmt: skip
                     if kind == TURNED:
@@ -587,7 +584,7 @@ def nearest_on_curve(shapes, trims, row, kind, p, slack, found, heap, work):
             continue
         if state == WHOLE:  # any point will do as an upper bound
             offer_on_curve(
-                shapes, trims, row, kind, p, cu, su, d, slack, u, v,
+                shapes, trims, row, kind, cu, su, d, slack, u, v,
                 work[q, 0], work[q, 1], work[q, 2], np.inf, found,
             )  # fmt: skip
         w = 0.5 * (a1 - a0)
@@ -762,21 +759,22 @@ def search_place(shapes, trims, groups, place, points, i, answers, found, p, hea
     wy = square * (move[place, 1] * x + move[place, 4] * y + move[place, 7] * z) + move[place, 10]
     wz = square * (move[place, 2] * x + move[place, 5] * y + move[place, 8] * z) + move[place, 11]
     sheet = np.int64(found[OF_SHEET])
-    is_on_edge, several = found[ON_EDGE] > 0.0, found[SEVERAL_AT] > 0.0
-    take(
-        answers, i, d, least, off, several, wx, wy, wz, found[U], found[V], sheet,
-        np.int64(found[OF_PIECE]), place, shapes.sheet_id[sheet, OBJECT], is_on_edge,
-    )  # fmt: skip
+    thing = shapes.sheet_id[sheet, OBJECT]
+    if take(
+        answers, i, d, least, off, found[SEVERAL_AT] > 0.0, wx, wy, wz, found[U], found[V], thing
+    ):
+        answers.sheet[i], answers.place[i] = sheet, place
+        answers.piece[i], answers.on_edge[i] = np.int64(found[OF_PIECE]), found[ON_EDGE] > 0.0
 
 
 @inner
-def take(answers, i, d, least, off, several, x, y, z, u, v, sheet, piece, place, thing, is_on_edge):
-    """Take a point of an object as the answer if it is the nearest so far."""
+def take(answers, i, d, least, off, several, x, y, z, u, v, thing):
+    """Take a point of an object as the answer, and tell so, if it is the nearest so far."""
     best = answers.distance[i]
     slack = SLACK * max(off, answers.error[i])
     answers.least[i] = min(answers.least[i], least)
     if d > best + slack:
-        return
+        return False
     if best < np.inf and d >= best - slack:
         dx, dy = x - answers.position[i, 0], y - answers.position[i, 1]
         dz = z - answers.position[i, 2]
@@ -785,12 +783,13 @@ def take(answers, i, d, least, off, several, x, y, z, u, v, sheet, piece, place,
     else:
         answers.several[i] = several
     answers.error[i] = max(answers.error[i], off)
-    if d < best or (d == best and thing < answers.thing[i]):
-        answers.distance[i], answers.u[i], answers.v[i] = d, u, v
-        answers.position[i, 0], answers.position[i, 1], answers.position[i, 2] = x, y, z
-        answers.sheet[i], answers.place[i], answers.thing[i] = sheet, place, thing
-        answers.piece[i] = piece
-        answers.on_edge[i] = is_on_edge
+    if d > best or (d == best and thing >= answers.thing[i]):
+        return False
+    answers.distance[i], answers.u[i], answers.v[i], answers.thing[i] = d, u, v, thing
+    answers.position[i, 0], answers.position[i, 1], answers.position[i, 2] = x, y, z
+    answers.sheet[i] = answers.place[i] = -1
+    answers.piece[i], answers.on_edge[i] = 0, False
+    return True
 
 
 @kernel(allocates=True)
@@ -814,10 +813,11 @@ def closest_points(shapes, trims, groups, planes, points, answers):
                 q[axis] = points[i, axis] - planes[k, axis]
                 d += q[axis] * planes[k, 3 + axis]
                 size += abs(q[axis]) + abs(planes[k, axis])
+            off = planes[k, 7] * (1.0 + size) + 8.0 * ROUNDOFF * size
             take(
-                answers, i, abs(d), abs(d), planes[k, 7] * (1.0 + size) + 8.0 * ROUNDOFF * size, False,
-                points[i, 0] - d * planes[k, 3], points[i, 1] - d * planes[k, 4],
-                points[i, 2] - d * planes[k, 5], 0.0, 0.0, -1, 0, -1, np.int64(planes[k, 6]), False,
+                answers, i, abs(d), abs(d), off, False, points[i, 0] - d * planes[k, 3],
+                points[i, 1] - d * planes[k, 4], points[i, 2] - d * planes[k, 5], 0.0, 0.0,
+                np.int64(planes[k, 6]),
             )  # fmt: skip
         if groups.group.shape[0] == 0:
             continue
