@@ -43,6 +43,8 @@ from meshing.checks import as_floats, shown
 from meshing.surface import Surface
 from meshing.trims import make_table
 
+# Azimuths are rounded: points within this of a border, in (u, v), are on it.
+AT_BORDER = 2.0**-48
 # Cells in a leaf of the tree.
 LEAF = 4
 # What is left of a matrix times its inverse beside 1 counts this often.
@@ -100,6 +102,8 @@ class ClosestPoint:
         self.closed = _as_closed(closed, self.surfaces)
         self._sides = Sides(self.surfaces, self.closed, threads)
         self._build()
+        if not np.isfinite(self._found(np.zeros((1, 3))).distance[0]):
+            raise ValueError("ClosestPoint surfaces have no point inside their loops: pass others")
 
     def __repr__(self) -> str:
         """Count surfaces and cells."""
@@ -132,8 +136,7 @@ class ClosestPoint:
         for number, group in enumerate(groups):
             rows = np.flatnonzero(group_of_cell == number)
             if not len(rows):
-                i = group.members[0][0]
-                raise ValueError(f"ClosestPoint surfaces[{i}] has no point inside its loops")
+                continue
             nodes, links, order, waiting = build_tree(lower[rows], upper[rows], LEAF)
             begin = np.where(links[:, COUNT] > 0, n_cells, n_nodes).astype(np.int32)
             links[:, CHILD] += np.where(links[:, CHILD] >= 0, begin, 0)
@@ -147,7 +150,7 @@ class ClosestPoint:
             ):
                 moves.append(place[0][None])
                 boxes.append(place[1])
-                of_place.append(number)
+                of_place.append(len(roots) - 1)
                 row_of.append(-1 if group.instances is None else row)
         top, top_links, top_order, frame, waiting = _top_tree(np.array(boxes).reshape(-1, 2, 3))
         nodes, links, order = (np.concatenate(each) for each in zip(*trees, strict=True))
@@ -192,18 +195,22 @@ class ClosestPoint:
         array = np.ascontiguousarray(array.reshape(-1, 3))
         for i in np.flatnonzero(~np.isfinite(array).all(axis=1))[:1]:
             raise ValueError(f"points[{i}] is {shown(array[i].tolist())}: pass finite numbers")
-        n = len(array)
+        return self._record(array, self._found(array))
+
+    def _found(self, points: FloatArray) -> Answers:
+        """Return what kernels find for points (n, 3)."""
+        n = len(points)
         numbers, ids = np.empty((5, n)), np.empty((4, n), np.int64)
         several, on_edge = np.empty(n, np.bool_), np.empty(n, np.bool_)
-        distance, least, error, at_u, at_v = numbers
+        distance, least, error, u, v = numbers
         sheet, piece, place, thing = ids
         found = Answers(
             distance,
             least,
             error,
             several,
-            at_u,
-            at_v,
+            u,
+            v,
             np.empty((n, 3)),
             sheet,
             piece,
@@ -214,16 +221,17 @@ class ClosestPoint:
 
         def work(begin: int, end: int) -> None:
             closest_points(
-                self._shapes, self._trims, self._groups, self._planes, array[begin:end],
+                self._shapes, self._trims, self._groups, self._planes, points[begin:end],
                 Answers(*(column[begin:end] for column in found)),
             )  # fmt: skip
 
         self._pool.run(work, n)
-        return self._record(array, found)
+        return found
 
     def _record(self, points: FloatArray, found: Answers) -> ClosestRecord:
         """Return what was found, with (u, v) across sheets, normals and sides."""
-        spans = self._shapes.sheet[found.sheet][:, SPAN : SPAN + 4]
+        # The last one is that of planes.
+        spans = np.array([*self._shapes.sheet[:, SPAN : SPAN + 4], (0, 1, 0, 1)])[found.sheet]
         u, v = found.u.copy(), found.v.copy()
         on_sheet = found.sheet >= 0
         u = np.where(u == 1.0, spans[:, 1], spans[:, 0] + u * (spans[:, 1] - spans[:, 0]))
@@ -285,9 +293,9 @@ def _at_border(surface: Surface, u: FloatArray, v: FloatArray) -> BoolArray:
     first, last = surface.poles
     at = np.zeros(len(u), np.bool_)
     if not closes_u:
-        at |= (u == 0.0) | (u == 1.0)
+        at |= (u <= AT_BORDER) | (u >= 1.0 - AT_BORDER)
     if not closes_v:
-        at |= ((v == 0.0) & (not first)) | ((v == 1.0) & (not last))
+        at |= ((v <= AT_BORDER) & (not first)) | ((v >= 1.0 - AT_BORDER) & (not last))
     return at
 
 

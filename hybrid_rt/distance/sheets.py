@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import singledispatch
 from itertools import pairwise
@@ -39,8 +39,10 @@ ROUNDOFF = 2.0**-53
 # Roundings of a point of degree n, in units of its largest control point, are these times n, and so many more.
 PER_DEGREE, BESIDES = 8.0, 40.0
 # Of curves in (u, v) that are within this of the border of a surface the border is looked at, too.
-AT_BORDER = 1e-9
+NEAR_BORDER = 1e-9
 HALVINGS = 60
+# Sheets whose normals agree so well at so many points of a common border have no crease there.
+SMOOTH, SAMPLED = 1e-9, 40
 
 Ints: TypeAlias = NDArray[np.int64]
 
@@ -261,16 +263,36 @@ def add_edges(sheets: Sheets, trims: TrimTable) -> None:
             if at not in starts:
                 starts[at] = _add_arc(sheets, net)
             _add_edge(sheets, spans, first, net, starts[at], sorted((row[:3], row[3:])), 0)
-        # Where loops go beyond a border that does not close, that ends the surface, inside the loops.
-        points = np.concatenate([curve.control for loop in surface.loops for curve in loop])
-        for axis, closes in enumerate(surface.closes):
-            for end, far in ((0.0, points[:, axis].min()), (1.0, 1.0 - points[:, axis].max())):
-                if closes or far > AT_BORDER:
-                    continue
-                net = np.array([[end, end, 1.0], [end, end, 1.0]])
-                net[:, 1 - axis] = 0.0, 1.0
-                ends = [[0.0, *net[0, :2]], [1.0, *net[1, :2]]]
-                _add_edge(sheets, spans, first, net, _add_arc(sheets, net), ends, 1)
+        for axis, value, low, high in _lines(surface, spans):
+            net = np.array([[value, value, 1.0], [value, value, 1.0]])
+            net[:, 1 - axis] = low, high
+            ends = [[0.0, *net[0, :2]], [1.0, *net[1, :2]]]
+            _add_edge(sheets, spans, first, net, _add_arc(sheets, net), ends, 1)
+
+
+def _lines(surface: TrimmedSurface, spans: FloatArray) -> Iterator[tuple[int, float, float, float]]:
+    """Yield lines that may end a trimmed surface, or fold it, inside its loops: axis, value, and from where to where.
+
+    The border, where loops go beyond it and it does not close; and borders of sheets with a crease.
+    """
+    points = np.concatenate([curve.control for loop in surface.loops for curve in loop])
+    for axis, closes in enumerate(surface.closes):
+        for end, far in ((0.0, points[:, axis].min()), (1.0, 1.0 - points[:, axis].max())):
+            if not closes and far <= NEAR_BORDER:
+                yield axis, end, 0.0, 1.0
+        near, other = 2 * axis, 2 - 2 * axis
+        for k, span in enumerate(spans):
+            value, low, high = span[near + 1], span[other], span[other + 1]
+            beyond = 0.0 if value == 1.0 and closes else value
+            found = np.flatnonzero((spans[:, near] == beyond) & (spans[:, other] == low))
+            if (len(found) and found[0] != k) or (value == 1.0 and closes):
+                along = low + (high - low) * np.linspace(0.01, 0.99, SAMPLED)
+                sides = []
+                for at, patch in ((value, k), (beyond, found[0])):
+                    uv = (np.full(SAMPLED, at), along)[:: 1 if axis == 0 else -1]
+                    sides.append(surface.normal(*uv, patch))
+                if np.abs(sides[0] - sides[1]).max() > SMOOTH:
+                    yield axis, value, low, high
 
 
 def _add_arc(sheets: Sheets, net: FloatArray) -> int:

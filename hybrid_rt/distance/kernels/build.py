@@ -158,7 +158,9 @@ def bounds_of_profile(shapes, k, v0, v1, net, bounds):
         turn = abs(number[k, PROFILE + 4] - number[k, PROFILE + 3]) * half
         bounds[0], bounds[1] = r * turn, r * turn
         bounds[2], bounds[3] = r * turn * turn, r * turn**3
-        return number[k, PROFILE + 1] + r
+        way = number[k, PROFILE + 4] - number[k, PROFILE + 3]
+        middle = np.cos(number[k, PROFILE + 3] + 0.5 * (v0 + v1) * way)
+        return number[k, PROFILE + 1] + r * min(middle + turn, 1.0)
     if form == SAG:
         reach = number[k, PROFILE]
         far = reach * (1.0 - v0) if number[k, PROFILE + 4] < 0.0 else reach * v1

@@ -65,7 +65,6 @@ from meshing.kernels.trims import classify
 # Rows of `found`: the least distance; what it may be less by; whether others are as near; u, v on the sheet; the
 # point; sheet and patch; whether it is on an edge; what nothing need be searched beyond, a slack included.
 DISTANCE, FLOOR, SEVERAL_AT, U, V, X, Y, Z, OF_SHEET, OF_PIECE, ON_EDGE, LIMIT = range(12)
-# And how many parts of cells were looked into.
 FOUND = 12
 ROUNDOFF = 2.0**-53
 # Roundings in a distance of a point from one of a sheet, besides the sheet's error.
@@ -78,16 +77,28 @@ NEWTON_STEPS = 12
 # A step below this, of a cell, squares to nothing; points on a side are looked at from this far inside it.
 FINAL_STEP = 2.0**-26
 # Parts of cells that may wait at once, and that are looked into for one point.
-HEAP, MOST_PARTS = 512, 3000
-# Rows of the heap: what the part cannot be nearer than; its sides; where to begin; its state.
-LEAST, SIDES, START, PART_STATE, HEAP_COLUMNS = 0, 1, 5, 7, 8
+HEAP, MOST_PARTS = 1024, 4000
+# Columns of the heap: what the part cannot be nearer than; its sides; where to begin; its state; its cell.
+LEAST, SIDES, START, PART_STATE, OF_CELL, HEAP_COLUMNS = 0, 1, 5, 7, 8, 9
 # Cells smaller than rounding by this part are not halved.
 SMALLEST_PART = 2.0**-44
 
 
 @inner
-def push(heap, size, least, a0, a1, b0, b1, s, t, state):
-    """Put a part of a cell on the heap; return its size."""
+def write(heap, i, least, row, a0, a1, b0, b1, s, t, state):
+    """Write a part of a cell into a row of the heap."""
+    heap[i, 0], heap[i, 1], heap[i, 2], heap[i, 3], heap[i, 4] = least, a0, a1, b0, b1
+    heap[i, 5], heap[i, 6], heap[i, 7], heap[i, 8] = s, t, state, row
+
+
+@inner(outlined=True)
+def keep(found, heap, size, least, row, a0, a1, b0, b1, s, t, state):
+    """Put a part of a cell on the heap if it may have what is nearer; return the heap's size."""
+    if least > found[LIMIT]:
+        return size
+    if size >= HEAP:
+        found[FLOOR], found[SEVERAL_AT] = min(found[FLOOR], least), 1.0
+        return size
     i = size
     while i > 0:
         above = (i - 1) // 2
@@ -96,18 +107,16 @@ def push(heap, size, least, a0, a1, b0, b1, s, t, state):
         for c in range(HEAP_COLUMNS):
             heap[i, c] = heap[above, c]
         i = above
-    heap[i, 0], heap[i, 1], heap[i, 2], heap[i, 3] = least, a0, a1, b0
-    heap[i, 4], heap[i, 5], heap[i, 6], heap[i, 7] = b1, s, t, state
+    write(heap, i, least, row, a0, a1, b0, b1, s, t, state)
     return size + 1
 
 
-@inner
+@inner(outlined=True)
 def pop(heap, size):
-    """Move the nearest part from the top into the row behind the heap; return its size."""
+    """Move the nearest part from the top into the row behind the heap; return the heap's size."""
     last = size - 1
-    room = HEAP
     for c in range(HEAP_COLUMNS):
-        heap[room, c] = heap[0, c]
+        heap[HEAP, c] = heap[0, c]
     i = 0
     while True:
         below = 2 * i + 1
@@ -218,9 +227,26 @@ def from_parallelogram(rx, ry, rz, ax, ay, az, bx, by, bz):
 
 
 @inner
-def nearest_in_patch(shapes, trims, row, p, slack, found, heap, work):
-    """Search a cell of a patch."""
-    cell, k = shapes.cell, shapes.cell_id[row, SHEET]
+def least_in_patch(shapes, row, p, slack, found, heap):
+    """Tell whether a cell of a patch may have what is nearer; make it the part to look into."""
+    cell = shapes.cell
+    least, most, s, t = from_parallelogram(
+        cell[row, MIDDLE] - p[0], cell[row, MIDDLE + 1] - p[1], cell[row, MIDDLE + 2] - p[2],
+        cell[row, ALONG_U], cell[row, ALONG_U + 1], cell[row, ALONG_U + 2],
+        cell[row, ALONG_V], cell[row, ALONG_V + 1], cell[row, ALONG_V + 2],
+    )  # fmt: skip
+    off, state = cell[row, OFF] + slack, shapes.cell_id[row, STATE]
+    if state == WHOLE:
+        found[LIMIT] = min(found[LIMIT], most + off + slack)
+    write(heap, HEAP, least - off, row, -1.0, 1.0, -1.0, 1.0, s, t, state)
+    return least - off <= found[LIMIT]
+
+
+@inner
+def search_patch(shapes, trims, p, slack, found, heap, size, work):
+    """Look into the part of a patch behind the heap; return the heap's size with what is left of it."""
+    row, cell = np.int64(heap[HEAP, OF_CELL]), shapes.cell
+    k = shapes.cell_id[row, SHEET]
     piece = shapes.sheet_id[k, PIECE]
     u0, v0 = cell[row, BOX], cell[row, BOX + 2]
     hu, hv = 0.5 * (cell[row, BOX + 1] - u0), 0.5 * (cell[row, BOX + 3] - v0)
@@ -228,157 +254,135 @@ def nearest_in_patch(shapes, trims, row, p, slack, found, heap, work):
     buu, buv, bvv = cell[row, BOUNDS + 2], cell[row, BOUNDS + 3], cell[row, BOUNDS + 4]
     b30, b21 = cell[row, BOUNDS + 5], cell[row, BOUNDS + 6]
     b12, b03 = cell[row, BOUNDS + 7], cell[row, BOUNDS + 8]
-    px, py, pz = p[0], p[1], p[2]
-    least, most, s, t = from_parallelogram(
-        cell[row, MIDDLE] - px, cell[row, MIDDLE + 1] - py, cell[row, MIDDLE + 2] - pz,
-        cell[row, ALONG_U], cell[row, ALONG_U + 1], cell[row, ALONG_U + 2],
-        cell[row, ALONG_V], cell[row, ALONG_V + 1], cell[row, ALONG_V + 2],
-    )  # fmt: skip
-    off, state = cell[row, OFF] + slack, shapes.cell_id[row, STATE]
-    least -= off
-    if least > found[LIMIT]:
-        return
-    if state == WHOLE:
-        found[LIMIT] = min(found[LIMIT], most + off + slack)
-    size = push(heap, 0, least, -1.0, 1.0, -1.0, 1.0, s, t, state)
-    q, is_first = POINT, True
-    while size > 0:
-        size = pop(heap, size)
-        least = heap[HEAP, LEAST]
-        if least > found[LIMIT]:
-            return
-        a0, a1, b0, b1 = heap[HEAP, 1], heap[HEAP, 2], heap[HEAP, 3], heap[HEAP, 4]
-        s, t, state = heap[HEAP, 5], heap[HEAP, 6], heap[HEAP, 7]
-        found[FOUND] += 1.0
-        is_last = found[FOUND] > MOST_PARTS  # of each cell one part is looked into, even so
-        if is_last and not is_first:
-            found[FLOOR] = min(found[FLOOR], least)
-            return
-        is_first = False
-        is_done = False
-        for step in range(NEWTON_STEPS):
-            sheet_at(shapes, k, u0 + hu * (1.0 + s), v0 + hv * (1.0 + t), work)
-            x, y, z = work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz
-            f = x * x + y * y + z * z
-            d = np.sqrt(f)
-            g1 = hu * (x * work[q + 1, 0] + y * work[q + 1, 1] + z * work[q + 1, 2])
-            g2 = hv * (x * work[q + 2, 0] + y * work[q + 2, 1] + z * work[q + 2, 2])
-            j11 = j12 = j22 = 0.0
-            for c in range(3):
-                j11 += work[q + 1, c] * work[q + 1, c]
-                j12 += work[q + 1, c] * work[q + 2, c]
-                j22 += work[q + 2, c] * work[q + 2, c]
-            j11, j12, j22 = hu * hu * j11, hu * hv * j12, hv * hv * j22
-            h11 = j11 + hu * hu * (x * work[q + 3, 0] + y * work[q + 3, 1] + z * work[q + 3, 2])
-            h12 = j12 + hu * hv * (x * work[q + 4, 0] + y * work[q + 4, 1] + z * work[q + 4, 2])
-            h22 = j22 + hv * hv * (x * work[q + 5, 0] + y * work[q + 5, 1] + z * work[q + 5, 2])
-            if state == WHOLE:
-                offer(
-                    found, shapes, k, piece, d, slack, u0 + hu * (1.0 + s), v0 + hv * (1.0 + t),
-                    work[q, 0], work[q, 1], work[q, 2], False,
-                )  # fmt: skip
-            if not (h11 > 0.0 and h22 > 0.0 and h11 * h22 > h12 * h12):
-                d1, d2 = within_box(g1, g2, j11, j12, j22, a0 - s, a1 - s, b0 - t, b1 - t)
-            else:
-                d1, d2 = within_box(g1, g2, h11, h12, h22, a0 - s, a1 - s, b0 - t, b1 - t)
-            is_final = max(abs(d1), abs(d2)) <= FINAL_STEP
-            if is_final or (state != WHOLE and step == 0):
-                # Bounds on third derivatives, and on how second ones change.
-                r1, r2 = max(a1 - s, s - a0), max(b1 - t, t - b0)
-                far = d + bu * r1 + bv * r2
-                e112 = 2.0 * buv * bu + buu * bv + far * b21
-                e122 = 2.0 * buv * bv + bvv * bu + far * b12
-                e11 = (3.0 * buu * bu + far * b30) * r1 + e112 * r2
-                e22 = (3.0 * bvv * bv + far * b03) * r2 + e122 * r1
-                e12 = e112 * r1 + e122 * r2
-                if state != WHOLE and (
-                    abs(g1) > (abs(h11) + 0.5 * e11) * r1 + (abs(h12) + 0.5 * e12) * r2
-                    or abs(g2) > (abs(h22) + 0.5 * e22) * r2 + (abs(h12) + 0.5 * e12) * r1
-                ):
-                    is_done = True  # nowhere stationary
+    px, py, pz, q = p[0], p[1], p[2], POINT
+    least, s, t, state = (
+        heap[HEAP, LEAST],
+        heap[HEAP, START],
+        heap[HEAP, START + 1],
+        heap[HEAP, PART_STATE],
+    )
+    a0, a1 = heap[HEAP, SIDES], heap[HEAP, SIDES + 1]
+    b0, b1 = heap[HEAP, SIDES + 2], heap[HEAP, SIDES + 3]
+    is_done = False
+    for step in range(NEWTON_STEPS):
+        sheet_at(shapes, k, u0 + hu * (1.0 + s), v0 + hv * (1.0 + t), work)
+        x, y, z = work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz
+        f = x * x + y * y + z * z
+        d = np.sqrt(f)
+        g1 = hu * (x * work[q + 1, 0] + y * work[q + 1, 1] + z * work[q + 1, 2])
+        g2 = hv * (x * work[q + 2, 0] + y * work[q + 2, 1] + z * work[q + 2, 2])
+        j11 = j12 = j22 = 0.0
+        for c in range(3):
+            j11 += work[q + 1, c] * work[q + 1, c]
+            j12 += work[q + 1, c] * work[q + 2, c]
+            j22 += work[q + 2, c] * work[q + 2, c]
+        j11, j12, j22 = hu * hu * j11, hu * hv * j12, hv * hv * j22
+        h11 = j11 + hu * hu * (x * work[q + 3, 0] + y * work[q + 3, 1] + z * work[q + 3, 2])
+        h12 = j12 + hu * hv * (x * work[q + 4, 0] + y * work[q + 4, 1] + z * work[q + 4, 2])
+        h22 = j22 + hv * hv * (x * work[q + 5, 0] + y * work[q + 5, 1] + z * work[q + 5, 2])
+        if state == WHOLE:
+            offer(
+                found, shapes, k, piece, d, slack, u0 + hu * (1.0 + s), v0 + hv * (1.0 + t),
+                work[q, 0], work[q, 1], work[q, 2], False,
+            )  # fmt: skip
+        if not (h11 > 0.0 and h22 > 0.0 and h11 * h22 > h12 * h12):
+            d1, d2 = within_box(g1, g2, j11, j12, j22, a0 - s, a1 - s, b0 - t, b1 - t)
+        else:
+            d1, d2 = within_box(g1, g2, h11, h12, h22, a0 - s, a1 - s, b0 - t, b1 - t)
+        is_final = max(abs(d1), abs(d2)) <= FINAL_STEP
+        if is_final or (state != WHOLE and step == 0):
+            # Bounds on third derivatives, and on how second ones change.
+            r1, r2 = max(a1 - s, s - a0), max(b1 - t, t - b0)
+            far = d + bu * r1 + bv * r2
+            e112 = 2.0 * buv * bu + buu * bv + far * b21
+            e122 = 2.0 * buv * bv + bvv * bu + far * b12
+            e11 = (3.0 * buu * bu + far * b30) * r1 + e112 * r2
+            e22 = (3.0 * bvv * bv + far * b03) * r2 + e122 * r1
+            e12 = e112 * r1 + e122 * r2
+            if state != WHOLE and (
+                abs(g1) > (abs(h11) + 0.5 * e11) * r1 + (abs(h12) + 0.5 * e12) * r2
+                or abs(g2) > (abs(h22) + 0.5 * e22) * r2 + (abs(h12) + 0.5 * e12) * r1
+            ):
+                is_done = True  # nowhere stationary
+                break
+            if is_final:
+                # Is nothing else on this part as near?
+                m11, m22, m12 = h11 - e11 / 3.0, h22 - e22 / 3.0, abs(h12) + e12 / 3.0
+                # What pushes outward at a side is no loss; and as |d| <= r, |g d| >= |g| d^2 / r.
+                f1 = 0.0 if (s == a0 and g1 > 0.0) or (s == a1 and g1 < 0.0) else g1
+                f2 = 0.0 if (t == b0 and g2 > 0.0) or (t == b1 and g2 < 0.0) else g2
+                if state == WHOLE or d > found[DISTANCE] + 2.0 * slack:
+                    m11 += 2.0 * abs(g1 - f1) / r1
+                    m22 += 2.0 * abs(g2 - f2) / r2
+                det = m11 * m22 - m12 * m12
+                if not (m11 > 0.0 and m22 > 0.0 and det > 0.0):
                     break
-                if is_final:
-                    # Is nothing else on this part as near?
-                    m11, m22, m12 = h11 - e11 / 3.0, h22 - e22 / 3.0, abs(h12) + e12 / 3.0
-                    # What pushes outward at a side is no loss; and as |d| <= r, |g d| >= |g| d^2 / r.
-                    f1 = 0.0 if (s == a0 and g1 > 0.0) or (s == a1 and g1 < 0.0) else g1
-                    f2 = 0.0 if (t == b0 and g2 > 0.0) or (t == b1 and g2 < 0.0) else g2
-                    if state == WHOLE or d > found[DISTANCE] + 2.0 * slack:
-                        m11 += 2.0 * abs(g1 - f1) / r1
-                        m22 += 2.0 * abs(g2 - f2) / r2
-                    det = m11 * m22 - m12 * m12
-                    if not (m11 > 0.0 and m22 > 0.0 and det > 0.0):
-                        break
-                    loss = (f1 * f1 + f2 * f2) * (m11 + m22) / det
-                    if d - np.sqrt(max(f - loss, 0.0)) <= slack or step > NEWTON_STEPS - 4:
-                        is_done = True
-                        found_least = np.sqrt(max(f - loss, 0.0))
-                        s, t = s + d1, t + d2
-                        for c in range(3):
-                            work[q, c] += hu * d1 * work[q + 1, c] + hv * d2 * work[q + 2, c]
-                        # On a side by a push that is not rounding nothing is stationary.
-                        pushed = (g1 - f1) ** 2 / m11 + (g2 - f2) ** 2 / m22
-                        is_stationary = pushed <= 2.0**-40 * min(j11, j22)
-                        u, v = u0 + hu * (1.0 + s), v0 + hv * (1.0 + t)
-                        if state == WHOLE:
+                loss = (f1 * f1 + f2 * f2) * (m11 + m22) / det
+                if d - np.sqrt(max(f - loss, 0.0)) <= slack or step > NEWTON_STEPS - 4:
+                    is_done = True
+                    found_least = np.sqrt(max(f - loss, 0.0))
+                    s, t = s + d1, t + d2
+                    for c in range(3):
+                        work[q, c] += hu * d1 * work[q + 1, c] + hv * d2 * work[q + 2, c]
+                    # On a side by a push that is not rounding nothing is stationary.
+                    pushed = (g1 - f1) ** 2 / m11 + (g2 - f2) ** 2 / m22
+                    is_stationary = pushed <= 2.0**-40 * min(j11, j22)
+                    u, v = u0 + hu * (1.0 + s), v0 + hv * (1.0 + t)
+                    if state == WHOLE:
+                        offer(
+                            found, shapes, k, piece, d, slack, u, v,
+                            work[q, 0], work[q, 1], work[q, 2], False,
+                        )  # fmt: skip
+                        found[FLOOR] = min(found[FLOOR], found_least)
+                    elif is_stationary and d <= found[LIMIT]:
+                        is_inside, is_near = stays_inside(shapes, trims, k, u, v)
+                        if is_inside or is_near:
                             offer(
                                 found, shapes, k, piece, d, slack, u, v,
-                                work[q, 0], work[q, 1], work[q, 2], False,
+                                work[q, 0], work[q, 1], work[q, 2], is_near,
                             )  # fmt: skip
                             found[FLOOR] = min(found[FLOOR], found_least)
-                        elif is_stationary and d <= found[LIMIT]:
-                            is_inside, is_near = stays_inside(shapes, trims, k, u, v)
-                            if is_inside or is_near:
-                                offer(
-                                    found, shapes, k, piece, d, slack, u, v,
-                                    work[q, 0], work[q, 1], work[q, 2], is_near,
-                                )  # fmt: skip
-                                found[FLOOR] = min(found[FLOOR], found_least)
-                        break
-            if d1 == 0.0 and d2 == 0.0 and step > 0:
-                break
-            s, t = min(max(s + d1, a0), a1), min(max(t + d2, b0), b1)
-        if is_done:
-            continue
-        # Halve it, where it bends most.
-        r1, r2 = 0.5 * (a1 - a0), 0.5 * (b1 - b0)
-        if is_last or max(bu * r1, bv * r2) < SMALLEST_PART:
-            found[FLOOR] = min(found[FLOOR], least)
-            found[SEVERAL_AT] = 1.0
-            continue
-        off_u, off_v = buu * r1 * r1, bvv * r2 * r2
-        along_u = bu * r1 >= bv * r2 if max(off_u, off_v) < buv * r1 * r2 else off_u >= off_v
-        for side in range(2):
-            c0, c1, e0, e1 = a0, a1, b0, b1
-            if along_u:
-                c0, c1 = (a0, a0 + r1) if side == 0 else (a0 + r1, a1)
-            else:
-                e0, e1 = (b0, b0 + r2) if side == 0 else (b0 + r2, b1)
-            w1, w2 = 0.5 * (c1 - c0), 0.5 * (e1 - e0)
-            s, t = c0 + w1, e0 + w2
-            now = state
-            if state != WHOLE:
-                now = side_of_part(
-                    shapes, trims, k, u0 + hu * (1.0 + c0), u0 + hu * (1.0 + c1),
-                    v0 + hv * (1.0 + e0), v0 + hv * (1.0 + e1),
-                )  # fmt: skip
-                if now > CUT:
-                    continue
-            sheet_at(shapes, k, u0 + hu * (1.0 + s), v0 + hv * (1.0 + t), work)
-            f, g = hu * w1, hv * w2
-            low, _, i, j = from_parallelogram(
-                work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz,
-                f * work[q + 1, 0], f * work[q + 1, 1], f * work[q + 1, 2],
-                g * work[q + 2, 0], g * work[q + 2, 1], g * work[q + 2, 2],
+                    break
+        if d1 == 0.0 and d2 == 0.0 and step > 0:
+            break
+        s, t = min(max(s + d1, a0), a1), min(max(t + d2, b0), b1)
+    if is_done:
+        return size
+    # Halve it, where it bends most.
+    r1, r2 = 0.5 * (a1 - a0), 0.5 * (b1 - b0)
+    if max(bu * r1, bv * r2) < SMALLEST_PART:
+        found[FLOOR] = min(found[FLOOR], least)
+        found[SEVERAL_AT] = 1.0
+        return size
+    off_u, off_v = buu * r1 * r1, bvv * r2 * r2
+    along_u = bu * r1 >= bv * r2 if max(off_u, off_v) < buv * r1 * r2 else off_u >= off_v
+    for side in range(2):
+        c0, c1, e0, e1 = a0, a1, b0, b1
+        if along_u:
+            c0, c1 = (a0, a0 + r1) if side == 0 else (a0 + r1, a1)
+        else:
+            e0, e1 = (b0, b0 + r2) if side == 0 else (b0 + r2, b1)
+        w1, w2 = 0.5 * (c1 - c0), 0.5 * (e1 - e0)
+        s, t = c0 + w1, e0 + w2
+        now = state
+        if state != WHOLE:
+            now = side_of_part(
+                shapes, trims, k, u0 + hu * (1.0 + c0), u0 + hu * (1.0 + c1),
+                v0 + hv * (1.0 + e0), v0 + hv * (1.0 + e1),
             )  # fmt: skip
-            low -= 0.5 * buu * w1 * w1 + buv * w1 * w2 + 0.5 * bvv * w2 * w2 + slack
-            low = max(low, least)
-            if low <= found[LIMIT]:
-                if size >= HEAP - 1:
-                    found[FLOOR] = min(found[FLOOR], low)
-                    found[SEVERAL_AT] = 1.0
-                else:
-                    size = push(heap, size, low, c0, c1, e0, e1, s + i * w1, t + j * w2, now)
+            if now > CUT:
+                continue
+        sheet_at(shapes, k, u0 + hu * (1.0 + s), v0 + hv * (1.0 + t), work)
+        f, g = hu * w1, hv * w2
+        low, _, i, j = from_parallelogram(
+            work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz,
+            f * work[q + 1, 0], f * work[q + 1, 1], f * work[q + 1, 2],
+            g * work[q + 2, 0], g * work[q + 2, 1], g * work[q + 2, 2],
+        )  # fmt: skip
+        low -= 0.5 * buu * w1 * w1 + buv * w1 * w2 + 0.5 * bvv * w2 * w2 + slack
+        low = max(low, least)
+        size = keep(found, heap, size, low, row, c0, c1, e0, e1, s + i * w1, t + j * w2, now)
+    return size
 
 
 @inner
@@ -447,9 +451,16 @@ def offer_on_curve(shapes, trims, row, kind, c, s, d, slack, u, v, x, y, z, leas
 
 
 @inner
-def nearest_on_curve(shapes, trims, row, kind, p, slack, found, heap, work):
-    """Search a cell of an edge, or a turned cell in the half plane of the azimuth nearest to p."""
+def search_curve(shapes, trims, row, p, slack, found, heap, size, work):
+    """Look into a cell of an edge, or into a turned one in the half plane of the azimuth nearest to p.
+
+    Or into the part of one that is behind the heap: then ``row`` is -1. Returns the heap's size.
+    """
+    is_whole = row >= 0
+    if not is_whole:
+        row = np.int64(heap[HEAP, OF_CELL])
     cell, k, state = shapes.cell, shapes.cell_id[row, SHEET], shapes.cell_id[row, STATE]
+    kind = shapes.cell_id[row, KIND]
     px, py, pz, more = p[0], p[1], p[2], 0.0
     cu, su, is_own = 1.0, 0.0, True
     if kind == TURNED:
@@ -460,7 +471,7 @@ def nearest_on_curve(shapes, trims, row, kind, p, slack, found, heap, work):
         px = x * number[k, FRAME + 9] + y * number[k, FRAME + 10] + w * number[k, FRAME + 11]
         cu, su, is_own = toward(cell, row, AZIMUTH, a, b)
         if state == CUT and not is_own:
-            return
+            return size
         py, pz = cu * a + su * b, 0.0
         across = su * a - cu * b
         more = 0.0 if is_own else across * across
@@ -470,14 +481,14 @@ def nearest_on_curve(shapes, trims, row, kind, p, slack, found, heap, work):
             x, y = py - r, px - z
             c, s, is_there = toward(cell, row, TUBE, x, y)
             if state == CUT and not is_there:
-                return
+                return size
             away = np.sqrt(x * x + y * y)
             if is_there:
                 d = np.sqrt((away - radius) ** 2 + more)
             else:
                 d = np.sqrt((x - radius * c) ** 2 + (y - radius * s) ** 2 + more)
             if d > found[LIMIT]:
-                return
+                return size
             angle = np.arctan2(s, c) - number[k, PROFILE + 3]
             way = number[k, PROFILE + 4] - number[k, PROFILE + 3]
             # Within the arc of this cell, a turn more or less.
@@ -487,129 +498,129 @@ def nearest_on_curve(shapes, trims, row, kind, p, slack, found, heap, work):
             z, r = z + radius * s, r + radius * c
             offer_on_curve(shapes, trims, row, kind, cu, su, d, slack, 0.0, v, z, r, 0.0, d, found)
             note_rings(found, k, d, slack, away, radius, abs(py), r)
-            return
+            return size
     b1, b2, b3 = cell[row, BOUNDS], cell[row, BOUNDS + 1], cell[row, BOUNDS + 2]
-    least, most, s, _ = from_parallelogram(
-        cell[row, MIDDLE] - px, cell[row, MIDDLE + 1] - py, cell[row, MIDDLE + 2] - pz,
-        cell[row, ALONG_U], cell[row, ALONG_U + 1], cell[row, ALONG_U + 2], 0.0, 0.0, 0.0,
-    )  # fmt: skip
-    off = cell[row, OFF] + slack
-    least = max(least - off, 0.0)
-    least = np.sqrt(least * least + more)
-    if least > found[LIMIT]:
-        return
-    if state == WHOLE:
-        found[LIMIT] = min(found[LIMIT], np.sqrt((most + off) ** 2 + more) + slack)
-    size, is_first = push(heap, 0, least, -1.0, 1.0, 0.0, 0.0, s, 0.0, state), True
-    while size > 0:
-        size = pop(heap, size)
-        least = heap[HEAP, LEAST]
+    least, a0, a1, s = (
+        heap[HEAP, LEAST],
+        heap[HEAP, SIDES],
+        heap[HEAP, SIDES + 1],
+        heap[HEAP, START],
+    )
+    if is_whole:
+        least, most, s, _ = from_parallelogram(
+            cell[row, MIDDLE] - px, cell[row, MIDDLE + 1] - py, cell[row, MIDDLE + 2] - pz,
+            cell[row, ALONG_U], cell[row, ALONG_U + 1], cell[row, ALONG_U + 2], 0.0, 0.0, 0.0,
+        )  # fmt: skip
+        off, a0, a1 = cell[row, OFF] + slack, -1.0, 1.0
+        least = max(least - off, 0.0)
+        least = np.sqrt(least * least + more)
         if least > found[LIMIT]:
-            return
-        a0, a1, s = heap[HEAP, 1], heap[HEAP, 2], heap[HEAP, 5]
-        found[FOUND] += 1.0
-        is_last = found[FOUND] > MOST_PARTS  # of each cell one part is looked into, even so
-        if is_last and not is_first:
-            found[FLOOR] = min(found[FLOOR], least)
-            return
-        is_first = False
-        half = 0.5 * (
-            cell[row, BOX + 1] - cell[row, BOX]
-            if kind == EDGE
-            else cell[row, BOX + 3] - cell[row, BOX + 2]
-        )
-        is_done = False
-        for step in range(NEWTON_STEPS):
-            q, u, v = curve_of_cell(shapes, row, kind, s, work)
-            x, y, z = work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz
-            f = x * x + y * y + z * z + more
-            d = np.sqrt(f)
-            g = half * (x * work[q + 1, 0] + y * work[q + 1, 1] + z * work[q + 1, 2])
-            j = work[q + 1, 0] ** 2 + work[q + 1, 1] ** 2 + work[q + 1, 2] ** 2
-            j *= half * half
-            h = j + half * half * (x * work[q + 2, 0] + y * work[q + 2, 1] + z * work[q + 2, 2])
-            curvature = h if h > 0.0 else j
-            to = min(max(s - g / curvature, a0), a1) - s if curvature > 0.0 else 0.0
-            if b1 * (a1 - a0) <= slack:  # a point
-                offer_on_curve(
-                    shapes, trims, row, kind, cu, su, d, slack, u, v,
-                    work[q, 0], work[q, 1], work[q, 2], d - slack, found,
-                )  # fmt: skip
-                is_done = True
-                break
-            r = max(a1 - s, s - a0)
-            e = (3.0 * b1 * b2 + (d + b1 * r) * b3) * r
-            if state == CUT and abs(g) > (abs(h) + 0.5 * e) * r:
-                is_done = True  # nowhere stationary
-                if kind == EDGE:  # the end of a border may be one of the surface
-                    q, u, v = curve_of_cell(shapes, row, kind, a0 if g > 0.0 else a1, work)
-                    x, y, z = work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz
-                    d = np.sqrt(x * x + y * y + z * z)
-                    offer_on_curve(
-                        shapes, trims, row, kind, cu, su, d, slack, u, v,
-                        work[q, 0], work[q, 1], work[q, 2], d, found,
-                    )  # fmt: skip
-                break
-            if abs(to) <= FINAL_STEP:
-                m = h - e / 3.0
-                is_pushed = (s == a0 and g > 0.0) or (s == a1 and g < 0.0)
-                counts = state == WHOLE or d > found[DISTANCE] + 2.0 * slack
-                if is_pushed and counts:
-                    m += 2.0 * abs(g) / r
-                if not m > 0.0:
-                    break
-                loss = 0.0 if is_pushed else g * g / m
-                if d - np.sqrt(max(f - loss, 0.0)) <= slack or step > NEWTON_STEPS - 4:
-                    is_done = True
-                    # Of a cut turned cell only what is stationary counts.
-                    if kind == TURNED and state == CUT and is_pushed and g * g > 2.0**-40 * m * j:
-                        break
-                    least = np.sqrt(max(f - loss, 0.0))
-                    if least > found[LIMIT]:
-                        break
-                    q, u, v = curve_of_cell(shapes, row, kind, s + to, work)
-                    x, y, z = work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz
-                    d, r = np.sqrt(x * x + y * y + z * z + more), work[q, 1]
-                    offer_on_curve(
-                        shapes, trims, row, kind, cu, su, d, slack, u, v,
-                        work[q, 0], work[q, 1], work[q, 2], least, found,
-                    )  # fmt: skip
-                    if kind == TURNED:
-                        note_rings(found, k, d, slack, np.inf, 0.0, abs(py), r)
-                    break
-            if to == 0.0 and step > 0:
-                break
-            s = min(max(s + to, a0), a1)
-        if is_done:
-            continue
-        if state == WHOLE:  # any point will do as an upper bound
+            return size
+        if state == WHOLE:
+            found[LIMIT] = min(found[LIMIT], np.sqrt((most + off) ** 2 + more) + slack)
+    half = 0.5 * (
+        cell[row, BOX + 1] - cell[row, BOX]
+        if kind == EDGE
+        else cell[row, BOX + 3] - cell[row, BOX + 2]
+    )
+    is_done = False
+    for step in range(NEWTON_STEPS):
+        q, u, v = curve_of_cell(shapes, row, kind, s, work)
+        x, y, z = work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz
+        f = x * x + y * y + z * z + more
+        d = np.sqrt(f)
+        g = half * (x * work[q + 1, 0] + y * work[q + 1, 1] + z * work[q + 1, 2])
+        j = work[q + 1, 0] ** 2 + work[q + 1, 1] ** 2 + work[q + 1, 2] ** 2
+        j *= half * half
+        h = j + half * half * (x * work[q + 2, 0] + y * work[q + 2, 1] + z * work[q + 2, 2])
+        curvature = h if h > 0.0 else j
+        to = min(max(s - g / curvature, a0), a1) - s if curvature > 0.0 else 0.0
+        if b1 * (a1 - a0) <= slack:  # a point
             offer_on_curve(
                 shapes, trims, row, kind, cu, su, d, slack, u, v,
-                work[q, 0], work[q, 1], work[q, 2], np.inf, found,
+                work[q, 0], work[q, 1], work[q, 2], d - slack, found,
             )  # fmt: skip
-        w = 0.5 * (a1 - a0)
-        if is_last or b1 * w < SMALLEST_PART:
-            found[FLOOR] = min(found[FLOOR], least)
-            found[SEVERAL_AT] = 1.0
-            continue
-        for side in range(2):
-            c0 = a0 if side == 0 else a0 + w
-            c1 = a0 + w if side == 0 else a1
-            middle, wide = 0.5 * (c0 + c1), 0.5 * (c1 - c0)
-            q, u, v = curve_of_cell(shapes, row, kind, middle, work)
-            f = half * wide
-            low, _, i, _ = from_parallelogram(
-                work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz,
-                f * work[q + 1, 0], f * work[q + 1, 1], f * work[q + 1, 2], 0.0, 0.0, 0.0,
-            )  # fmt: skip
-            low = max(low - 0.5 * b2 * wide * wide - slack, 0.0)
-            low = max(np.sqrt(low * low + more), least)
-            if low <= found[LIMIT]:
-                if size >= HEAP - 1:
-                    found[FLOOR] = min(found[FLOOR], low)
-                    found[SEVERAL_AT] = 1.0
-                else:
-                    size = push(heap, size, low, c0, c1, 0.0, 0.0, middle + i * wide, 0.0, state)
+            is_done = True
+            break
+        r = max(a1 - s, s - a0)
+        e = (3.0 * b1 * b2 + (d + b1 * r) * b3) * r
+        if state == CUT and abs(g) > (abs(h) + 0.5 * e) * r:
+            is_done = True  # nowhere stationary
+            if kind == EDGE:  # the end of a border may be one of the surface
+                q, u, v = curve_of_cell(shapes, row, kind, a0 if g > 0.0 else a1, work)
+                x, y, z = work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz
+                d = np.sqrt(x * x + y * y + z * z)
+                offer_on_curve(
+                    shapes, trims, row, kind, cu, su, d, slack, u, v,
+                    work[q, 0], work[q, 1], work[q, 2], d, found,
+                )  # fmt: skip
+            break
+        if abs(to) <= FINAL_STEP:
+            m = h - e / 3.0
+            is_pushed = (s == a0 and g > 0.0) or (s == a1 and g < 0.0)
+            counts = state == WHOLE or d > found[DISTANCE] + 2.0 * slack
+            if is_pushed and counts:
+                m += 2.0 * abs(g) / r
+            if not m > 0.0:
+                break
+            loss = 0.0 if is_pushed else g * g / m
+            if d - np.sqrt(max(f - loss, 0.0)) <= slack or step > NEWTON_STEPS - 4:
+                is_done = True
+                # Of a cut turned cell only what is stationary counts.
+                if kind == TURNED and state == CUT and is_pushed and g * g > 2.0**-40 * m * j:
+                    break
+                least = np.sqrt(max(f - loss, 0.0))
+                if least > found[LIMIT]:
+                    break
+                q, u, v = curve_of_cell(shapes, row, kind, s + to, work)
+                x, y, z = work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz
+                d, r = np.sqrt(x * x + y * y + z * z + more), work[q, 1]
+                offer_on_curve(
+                    shapes, trims, row, kind, cu, su, d, slack, u, v,
+                    work[q, 0], work[q, 1], work[q, 2], least, found,
+                )  # fmt: skip
+                if kind == TURNED:
+                    note_rings(found, k, d, slack, np.inf, 0.0, abs(py), r)
+                break
+        if to == 0.0 and step > 0:
+            break
+        s = min(max(s + to, a0), a1)
+    if is_done:
+        return size
+    if state == WHOLE:  # any point will do as an upper bound
+        offer_on_curve(
+            shapes, trims, row, kind, cu, su, d, slack, u, v,
+            work[q, 0], work[q, 1], work[q, 2], np.inf, found,
+        )  # fmt: skip
+    w = 0.5 * (a1 - a0)
+    if b1 * w < SMALLEST_PART:
+        found[FLOOR] = min(found[FLOOR], least)
+        found[SEVERAL_AT] = 1.0
+        return size
+    for side in range(2):
+        c0 = a0 if side == 0 else a0 + w
+        c1 = a0 + w if side == 0 else a1
+        middle, wide = 0.5 * (c0 + c1), 0.5 * (c1 - c0)
+        if state == CUT:
+            _, u0, v0 = curve_of_cell(shapes, row, kind, c0, work)
+            _, u1, v1 = curve_of_cell(shapes, row, kind, c1, work)
+            if kind == TURNED:
+                _, _, _, u0 = place_on_turned(shapes, k, cu, su, 0.0, 0.0)
+                u1 = u0
+            low_u, low_v = min(u0, u1), min(v0, v1)
+            high_u, high_v = max(u0, u1), max(v0, v1)
+            if side_of_part(shapes, trims, k, low_u, high_u, low_v, high_v) > CUT:
+                continue
+        q, u, v = curve_of_cell(shapes, row, kind, middle, work)
+        f = half * wide
+        low, _, i, _ = from_parallelogram(
+            work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz,
+            f * work[q + 1, 0], f * work[q + 1, 1], f * work[q + 1, 2], 0.0, 0.0, 0.0,
+        )  # fmt: skip
+        low = max(low - 0.5 * b2 * wide * wide - slack, 0.0)
+        low = max(np.sqrt(low * low + more), least)
+        size = keep(found, heap, size, low, row, c0, c1, 0.0, 0.0, middle + i * wide, 0.0, state)
+    return size
 
 
 @inner
@@ -622,7 +633,7 @@ def note_rings(found, k, d, slack, away, radius, off_axis, r):
 
 
 @inner
-def nearest_in_triangle(shapes, row, p, slack, found):
+def search_triangle(shapes, row, p, slack, found):
     """Search a triangle: the foot of the perpendicular, or the nearest point of its sides."""
     cell, k = shapes.cell, shapes.cell_id[row, SHEET]
     x, y, z = cell[row, MIDDLE] - p[0], cell[row, MIDDLE + 1] - p[1], cell[row, MIDDLE + 2] - p[2]
@@ -659,20 +670,8 @@ def nearest_in_triangle(shapes, row, p, slack, found):
         least = max(d - loss / d, 0.0) if d > 0.0 else 0.0
         if least < d - slack:
             continue  # not the nearest, or not for sure: a side is
-        offer(
-            found,
-            shapes,
-            k,
-            shapes.cell_id[row, ARC],
-            d,
-            slack,
-            u,
-            v,
-            dx + p[0],
-            dy + p[1],
-            dz + p[2],
-            side > 0,
-        )
+        piece, x, y, z = shapes.cell_id[row, ARC], dx + p[0], dy + p[1], dz + p[2]
+        offer(found, shapes, k, piece, d, slack, u, v, x, y, z, side > 0)
         found[FLOOR] = min(found[FLOOR], least)
         return
 
@@ -703,8 +702,11 @@ def open_node(rows, links, node, p, limit, todo, at, top):
 
 @inner
 def search_group(shapes, trims, groups, root, p, slack, found, heap, work, todo, at):
-    """Search the cells of a group for what is nearer to p than ``found``, all in its frame."""
-    top, todo[0], at[0] = 1, root, 0.0
+    """Search the cells of a group for what is nearer to p than ``found``, all in its frame.
+
+    Each cell once, as the tree leads to it, then what is left of them.
+    """
+    top, todo[0], at[0], size = 1, root, 0.0, 0
     while top > 0:
         top -= 1
         limit, node = found[LIMIT], todo[top]
@@ -719,11 +721,22 @@ def search_group(shapes, trims, groups, root, p, slack, found, heap, work, todo,
             row = np.int64(groups.order[i])
             kind = shapes.cell_id[row, KIND]
             if kind == PATCH:
-                nearest_in_patch(shapes, trims, row, p, slack, found, heap, work)
+                if least_in_patch(shapes, row, p, slack, found, heap):
+                    size = search_patch(shapes, trims, p, slack, found, heap, size, work)
             elif kind == TRIANGLE:
-                nearest_in_triangle(shapes, row, p, slack, found)
+                search_triangle(shapes, row, p, slack, found)
             else:
-                nearest_on_curve(shapes, trims, row, kind, p, slack, found, heap, work)
+                size = search_curve(shapes, trims, row, p, slack, found, heap, size, work)
+    for _ in range(MOST_PARTS):
+        if size == 0 or heap[0, LEAST] > found[LIMIT]:
+            return
+        size = pop(heap, size)
+        if shapes.cell_id[np.int64(heap[HEAP, OF_CELL]), KIND] == PATCH:
+            size = search_patch(shapes, trims, p, slack, found, heap, size, work)
+        else:
+            size = search_curve(shapes, trims, np.int64(-1), p, slack, found, heap, size, work)
+    if size > 0:
+        found[FLOOR] = min(found[FLOOR], heap[0, LEAST])
 
 
 @inner
@@ -743,7 +756,7 @@ def search_place(shapes, trims, groups, place, points, i, answers, found, p, hea
     error = move[place, 13] + (ROUNDINGS * ROUNDOFF + move[place, 14]) * far
     slack = SLACK * error
     found[DISTANCE] = answers.distance[i] / unit + 2.0 * slack
-    found[FLOOR], found[SEVERAL_AT], found[OF_SHEET], found[FOUND] = np.inf, 0.0, -1.0, 0.0
+    found[FLOOR], found[SEVERAL_AT], found[OF_SHEET] = np.inf, 0.0, -1.0
     found[LIMIT] = found[DISTANCE] + slack
     root = groups.root[groups.group[place]]
     search_group(shapes, trims, groups, root, p, slack, found, heap, work, todo, at)
@@ -799,7 +812,7 @@ def closest_points(shapes, trims, groups, planes, points, answers):
     ``planes`` (m, 8): a point and the unit normal of each unbounded one, its object, and its error.
     """
     heap, work = np.empty((HEAP + 1, HEAP_COLUMNS)), np.empty((SCRATCH_ROWS, SCRATCH_COLUMNS))
-    found, p = np.zeros(FOUND + 1), np.empty(3)
+    found, p = np.zeros(FOUND), np.empty(3)
     depth = groups.depth
     todo, at = np.empty(depth, np.int64), np.empty(depth)
     above, apart = np.empty(depth, np.int64), np.empty(depth)
