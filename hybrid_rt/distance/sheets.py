@@ -289,8 +289,8 @@ def _lines(surface: TrimmedSurface, spans: FloatArray) -> Iterator[tuple[int, fl
                 along = low + (high - low) * np.linspace(0.01, 0.99, SAMPLED)
                 sides = []
                 for at, patch in ((value, k), (beyond, found[0])):
-                    uv = (np.full(SAMPLED, at), along)[:: 1 if axis == 0 else -1]
-                    sides.append(surface.normal(*uv, patch))
+                    u, v = (np.full(SAMPLED, at), along)[:: 1 if axis == 0 else -1]
+                    sides.append(surface.normal(u, v, patch))
                 if np.abs(sides[0] - sides[1]).max() > SMOOTH:
                     yield axis, value, low, high
 

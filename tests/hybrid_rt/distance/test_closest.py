@@ -110,7 +110,7 @@ def test_distances_are_those_of_closed_forms(name):
         assert at.max() < 4e-15
 
 
-def quartic_bowl(rng=None):
+def bowl():
     return BezierPatches.from_polynomial([[0, 0, 0.5], [0, 0, 0], [0.5, 0, 0]], (-1, 1), (-1, 1))
 
 
@@ -135,7 +135,7 @@ WINDOW = [circle((0.5, 0.5), 0.4), circle((0.5, 0.5), (0.2, 0.1))]
 # With a flap beyond the border u = 1, which ends the surface there.
 FLAP = [circle((0.9, 0.5), (0.4, 0.7))]
 FREE = {
-    "bowl": quartic_bowl(),
+    "bowl": bowl(),
     "patch": BezierPatches([WAVY]),
     "rational": BezierPatches([WAVY], [WEIGHTS]),
     "asphere": asphere(),
@@ -192,7 +192,7 @@ def test_a_paraboloid_is_that_of_its_cubic():
     for _ in range(60):
         r -= (r**3 / 2 + r * (1 - z) - rho) / (1.5 * r**2 + 1 - z)
     truth = np.hypot(r - rho, r**2 / 2 - z)
-    found = closest_point(quartic_bowl(), points)
+    found = closest_point(bowl(), points)
     assert (np.abs(found.distance - truth) <= found.bound).all()
 
 
@@ -208,8 +208,8 @@ HARD = {
     "medial plane": (Box((0, 0, 0), (1, 2, 3)), (0.5, 0.75, 1.5), 0.5, Closeness.SEVERAL),
     "corner": (Box((0, 0, 0), (1, 1, 1)), (-2, -1, 3), 3, Closeness.UNIQUE),
     "on an edge": (Box((0, 0, 0), (1, 1, 1)), (0, 0, 0.5), 0, Closeness.UNIQUE),
-    "focus of a bowl": (quartic_bowl(), (0, 0, 1), 1, Closeness.UNIQUE),
-    "beyond it": (quartic_bowl(), (0, 0, 1.125), np.sqrt(np.longdouble(1.25)), Closeness.SEVERAL),
+    "focus of a bowl": (bowl(), (0, 0, 1), 1, Closeness.UNIQUE),
+    "beyond it": (bowl(), (0, 0, 1.125), np.sqrt(np.longdouble(1.25)), Closeness.SEVERAL),
 }  # fmt: skip
 
 
@@ -257,7 +257,6 @@ def test_instances_are_copies():
 def test_meshes_have_sides_where_they_are_closed():
     ball = trimesh.creation.icosphere(3)
     found = closest_point(TriangleMesh(ball), POINTS)
-    # Judged by a tree of points of it, and by its own normals.
     radius = np.linalg.norm(POINTS, axis=1)
     assert (found.side[radius > 1] == 1).all()
     assert (found.side[radius < 0.99] == -1).all()
@@ -267,8 +266,8 @@ def test_meshes_have_sides_where_they_are_closed():
         u, v = found.u[k], found.v[k]
         place = (1 - u - v) * corners[0] + u * corners[1] + v * corners[2]
         np.testing.assert_allclose(place, found.position[k], atol=1e-15)
-    distance = [np.linalg.norm(POINTS - c, axis=1).min() for c in ball.vertices[:1]]
-    assert len(distance) == 1
+    # The corners of a fine mesh are at most its sagitta, 0.005, too near.
+    np.testing.assert_allclose(found.distance, radius - 1, atol=0.006)
     ball.update_faces(np.arange(len(ball.faces)) > 0)
     assert (closest_point(TriangleMesh(ball), POINTS).side == 0).all()
 
@@ -288,19 +287,33 @@ def test_faces_of_a_body_are_closed_together():
 
 
 def test_the_bits_do_not_depend_on_threads_or_batches():
-    search = ClosestPoint([FREE["vase"], FREE["flap"], FREE["tube"], Sphere((2, 0, 0), 0.5)], threads=2)
+    search = ClosestPoint(
+        [FREE["vase"], FREE["flap"], FREE["tube"], Sphere((2, 0, 0), 0.5)], threads=2
+    )
     points = np.random.default_rng(7).normal(size=(9000, 3))
     whole, alone = search.query(points), ClosestPoint(search.surfaces, threads=1)
     for begin in (0, 17, 4000):
         part = alone.query(points[begin : begin + 500])
-        for name in ("distance", "bound", "u", "v", "position", "normal", "status", "object_id", "side"):
+        for name in (
+            "distance",
+            "bound",
+            "u",
+            "v",
+            "position",
+            "normal",
+            "status",
+            "object_id",
+            "side",
+        ):
             assert (getattr(part, name) == getattr(whole, name)[begin : begin + 500]).all(), name
 
 
 def test_what_is_refused():
     with pytest.raises(ValueError, match=r"surfaces is empty: pass at least one"):
         ClosestPoint([])
-    with pytest.raises(ValueError, match=r"closed is \[True, False\]: pass True or False for each of 1"):
+    with pytest.raises(
+        ValueError, match=r"closed is \[True, False\]: pass True or False for each of 1"
+    ):
         ClosestPoint(Sphere((0, 0, 0), 1), closed=[True, False])
     with pytest.raises(ValueError, match=r"points\[1\] is \[nan, 0.0, 0.0\]: pass finite"):
         closest_point(Sphere((0, 0, 0), 1), [[0, 0, 0], [np.nan, 0, 0]])
