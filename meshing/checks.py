@@ -45,6 +45,8 @@ def text_of(error: BaseException) -> str:
 
 def as_floats(value: ArrayLike, what: str) -> FloatArray:
     """Return real numbers as a float64 array; refuse all else, and rows of unequal length."""
+    if type(value) is np.ndarray and value.dtype == np.float64 and value.flags.c_contiguous:
+        return value
     refuse_mask(value, what)
     try:
         array = np.asarray(value)
@@ -92,8 +94,7 @@ def unit(vector: FloatArray, what: str) -> FloatArray:
     if largest == 0.0:
         raise ValueError(f"{what} is the zero vector: pass a direction")
     scaled = vector / math.ldexp(1.0, math.frexp(largest)[1] - 1)
-    result: FloatArray = scaled / math.sqrt(scaled @ scaled)
-    return result
+    return scaled / math.sqrt(scaled @ scaled)
 
 
 def still_unit(vector: FloatArray, what: str) -> FloatArray:
@@ -106,8 +107,7 @@ def units(vectors: FloatArray) -> FloatArray:
     largest = np.abs(vectors).max(axis=1, initial=0.0)
     # By a power of two first, so that no square overflows or vanishes.
     scaled = np.ldexp(vectors, -np.frexp(largest)[1][:, None])
-    directions: FloatArray = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
-    return directions
+    return scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
 
 
 def as_direction(value: ArrayLike, what: str) -> FloatArray:

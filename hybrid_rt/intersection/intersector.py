@@ -13,6 +13,7 @@ from __future__ import annotations
 import copy
 import time
 from collections.abc import Callable, Iterator, Sequence
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,7 +30,14 @@ from hybrid_rt.intersection.crossings import Crossings, find_crossings
 from hybrid_rt.intersection.kernels.search.counters import COUNTER_NAMES, MOST_PIECES
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.rays import Record, complete_rows
-from hybrid_rt.intersection.kind import Finished, new_nearest, new_record, rows_of
+from hybrid_rt.intersection.kind import (
+    Finished,
+    cleared_record,
+    finished_part,
+    new_nearest,
+    new_record,
+    rows_of,
+)
 from hybrid_rt.intersection.kinds.closed_forms import closed_forms
 from hybrid_rt.intersection.kinds.registry import (
     ACCURACIES,
@@ -39,7 +47,7 @@ from hybrid_rt.intersection.kinds.registry import (
     make_kinds,
 )
 from hybrid_rt.intersection.limits import Limit
-from hybrid_rt.intersection.margins import Probing
+from hybrid_rt.intersection.margins import Probing, settle
 from hybrid_rt.intersection.ray_batch import Batch, make_batch
 from meshing.surface import Surface
 
@@ -50,6 +58,7 @@ if TYPE_CHECKING:
 # What is counted of each slice besides the work.
 COUNTED = ("rays", "hits", "tangent", "coarse_hits")
 COARSE_STAGES = ("embree", "none")
+_COLUMNS = attrgetter(*Record._fields)
 
 
 class Intersector:
@@ -204,6 +213,7 @@ class Intersector:
         t_max: ArrayLike = np.inf,
         source: HitRecord | NamedPoints | None = None,
         unseen: IntArray | None = None,
+        out: HitRecord | None = None,
     ) -> HitRecord:
         """Find the first hit of each ray.
 
@@ -223,6 +233,9 @@ class Intersector:
         unseen : (n,) int, optional
             ``object_id`` of an object that each ray ignores; -1 for none. Where the ray passes that object
             within rounding, the row may still say `TANGENT`.
+        out : HitRecord of n rows, optional
+            Receives the hits and is returned: a result of this method that nobody needs any more, or rows
+            ``[begin:end]`` of one. Long batches save the time for new memory. Not the ``source``.
 
         Returns
         -------
@@ -232,19 +245,19 @@ class Intersector:
         ------
         ValueError, TypeError
             If shapes do not match, directions are zero or not finite, origins are not finite,
-            arrays are not real, or ``source`` is not a hit record of these surfaces.
+            arrays are not real, ``source`` is not a hit record of these surfaces, or ``out`` is not one
+            of n rows.
         """
         batch = make_batch(
             origins, directions, t_min, t_max, source, None, self._reach, self._pool, unseen
         )
-        return self._first_hits(batch)
+        return self._first_hits(batch, out)
 
-    def _first_hits(self, batch: Batch) -> HitRecord:
+    def _first_hits(self, batch: Batch, out: HitRecord | None = None) -> HitRecord:
         """Find the first hit of each ray of a checked batch."""
         n = len(batch)
-        record = new_record(n)
-        columns = Record(*(getattr(record, name) for name in Record._fields))
-        slots = Finished(*(getattr(record, name) for name in Finished._fields))
+        record = new_record(n) if out is None else cleared_record(out, n)
+        columns, slots = Record(*_COLUMNS(record)), finished_part(record)
         tallies: list[FloatArray] = []
         watches: list[Stopwatch] = []
 
@@ -252,16 +265,15 @@ class Intersector:
             watches.append(watch := Stopwatch(self.now))
             tally, totals = np.zeros(len(COUNTER_NAMES)), np.zeros(2, np.int64)
             rays, t_max, unit = batch.rows(begin, end)
-            is_limited = bool((batch.t_max[begin:end] < np.inf).any())
-            limit = Limit(t_max, rays, self._farthest, is_limited)
+            limit = Limit(t_max, rays, self._farthest, batch.is_limited(begin, end))
             best, found = new_nearest(limit.searched), np.zeros(end - begin, np.bool_)
             direct = self._direct_kinds(end - begin)
             self._first_roots(direct, rays, best, False, tally, found, watch)
-            out = rows_of(slots, begin, end)
-            self._finish(direct, rays, best, out)
+            described = rows_of(slots, begin, end)
+            self._finish(direct, rays, best, described)
             for number, kind in self._probing:
-                kind.settle(rays, best, self._kind_of, number, out, tally)
-            limit.apply(best, out.flags)
+                settle(kind, number, self._kind_of, rays, best, described, tally)
+            limit.apply(best, described.flags)
             complete_rows(rays.direction, unit, best, rows_of(columns, begin, end), totals)
             tallies.append(tally)
             rows.append((end - begin, *totals.tolist(), int(found.sum())))
@@ -388,8 +400,7 @@ class Intersector:
         rays, _, _ = make_batch(none, none, 0.0, np.inf, None, None, self._reach, self._pool).rows(
             0, 0
         )
-        best, record = new_nearest(np.empty(0)), new_record(0)
-        out = Finished(*(getattr(record, name) for name in Finished._fields))
+        best, out = new_nearest(np.empty(0)), finished_part(new_record(0))
         self._finish(self._direct_kinds(0), rays, best, out)
 
     def _finish(self, direct: Sequence[Any], rays: Rays, best: Nearest, out: Finished) -> None:
@@ -420,10 +431,10 @@ class Intersector:
     def _add_work(self, tallies: list[FloatArray], watches: list[Stopwatch]) -> None:
         self.coarse_seconds += sum(watch.seconds for watch in watches)
         for tally in tallies:
-            for name, value in zip(COUNTER_NAMES, tally, strict=True):
-                if name == COUNTER_NAMES[MOST_PIECES]:
+            for name, value in zip(COUNTER_NAMES, tally.tolist(), strict=True):
+                if value and name == COUNTER_NAMES[MOST_PIECES]:
                     self.counters[name] = max(self.counters[name], int(value))
-                else:
+                elif value:
                     self.counters[name] += int(value)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
+from meshing.checks import shown
 
 
 class Finished(NamedTuple):
@@ -22,6 +24,9 @@ class Finished(NamedTuple):
     normal: Any
     flags: Any
     residual: Any
+
+
+_FINISHED = attrgetter(*Finished._fields)
 
 
 class Kind(Protocol):
@@ -43,7 +48,6 @@ class Kind(Protocol):
         work : (counters,) float64, changed
             Tally of `hybrid_rt.intersection.kernels.search.counters.COUNTER_NAMES`.
         """
-        ...
 
     def finish(
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
@@ -60,7 +64,6 @@ class Kind(Protocol):
             Index of this kind in ``kind_of``.
         out : Finished of n rows, changed
         """
-        ...
 
 
 class CurvedKind(Kind, Protocol):
@@ -69,12 +72,8 @@ class CurvedKind(Kind, Protocol):
     def guesses(self, coarse: Any, hits: CoarseHits) -> IntArray:
         """Return the initial guess for `trace` of each ray, (n,) int32; -1 for none.
 
-        Parameters
-        ----------
-        coarse : Coarse
-        hits : CoarseHits of n rows
+        ``hits``, CoarseHits of n rows.
         """
-        ...
 
     def refine(
         self,
@@ -87,18 +86,11 @@ class CurvedKind(Kind, Protocol):
     ) -> None:
         """Refine coarse hits of this kind and lower ``best[rows]`` to them.
 
-        Parameters
-        ----------
-        coarse : Coarse
-        hits : CoarseHits of k rows, none of them a miss
-        rows : (k,) int64
-            Indices of the hits' rays.
-        rays : Rays of n rows
-        best : Nearest of n rows, changed
-        accepted : (k,) bool, changed
-            Set where a root was accepted.
+        ``hits``, CoarseHits of k rows, none of them a miss; ``rays``, Rays of n rows; ``best``,
+        Nearest of n rows, changed.
+        ``rows`` (k,) int64: indices of the hits' rays.
+        ``accepted`` (k,) bool, changed: set where a root was accepted.
         """
-        ...
 
 
 def widen_bounds(
@@ -106,15 +98,9 @@ def widen_bounds(
 ) -> None:
     """Add to bounds of t what lies between a surface as it is traced and as it was given.
 
-    Parameters
-    ----------
-    moved : (primitives,) float64
-        Bound on their distance, world units.
-    rays, best, kind_of, kind, out
-        As for `Kind.finish`, after it.
+    ``moved`` (primitives,): bound on their distance, world units.
+    ``rays``, ``best``, ``kind_of``, ``kind``, ``out``: as for `Kind.finish`, after it.
     """
-    if not moved.any():
-        return
     rows = np.flatnonzero(best.object_id >= 0)
     rows = rows[kind_of[best.object_id[rows]] == kind]
     rows = rows[moved[best.primitive[rows]] > 0.0]
@@ -129,12 +115,12 @@ def new_nearest(t_max: FloatArray) -> Nearest:
     return Nearest(
         t=t_max,
         t_bound=np.zeros(n),
-        object_id=np.full(n, -1, np.int32),
+        object_id=_filled(n, -1, np.int32),
         primitive=np.zeros(n, np.int32),
         a=np.zeros(n),
         b=np.zeros(n),
         tangent=np.zeros(n, np.uint8),
-        doubt=np.full(n, np.inf),
+        doubt=_filled(n, np.inf, np.float64),
     )
 
 
@@ -153,10 +139,49 @@ def new_record(n: int) -> HitRecord:
         flags=np.zeros(n, np.uint8),
         t_bound=np.empty(n),
         residual=np.empty(n),
-        instance_id=np.full(n, -1, np.int32),
+        instance_id=_filled(n, -1, np.int32),
     )
+
+
+def finished_part(record: HitRecord) -> Finished:
+    """Return the columns that kinds fill."""
+    return Finished(*_FINISHED(record))
+
+
+def cleared_record(record: HitRecord, n: int) -> HitRecord:
+    """Return a record of n rows that a caller passes to be written to, as `new_record` returns one.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is not such a record; the first column that does not fit is named.
+    """
+    if not isinstance(record, HitRecord):
+        raise TypeError(f"out is {shown(record)}: pass a HitRecord of {n} rows, or None")
+    for name, like in vars(new_record(0)).items():
+        column, shape = getattr(record, name), (n, *like.shape[1:])
+        fits = (
+            isinstance(column, np.ndarray) and column.dtype == like.dtype and column.shape == shape
+        )
+        if not (fits and column.flags.c_contiguous and column.flags.writeable):
+            raise ValueError(
+                f"out.{name} is {getattr(column, 'dtype', '')} {np.shape(column)}: pass {like.dtype} {shape} that is "
+                f"writable and in C order, such as a result of intersect for {n} rays"
+            )
+    record.flags.fill(0)
+    record.instance_id.fill(-1)
+    return record
+
+
+def _filled(n: int, value: float, dtype: type) -> NDArray[Any]:
+    """Return n equal numbers, as `numpy.full` does in twice the time where n is small."""
+    array: NDArray[Any] = np.empty(n, dtype)
+    array.fill(value)
+    return array
 
 
 def rows_of(batch: Any, begin: int, end: int) -> Any:
     """Return a named tuple of views of the rows; empty arrays stay empty."""
+    if begin == 0 and end == len(batch[0]):
+        return batch
     return type(batch)(*(x[begin:end] if len(x) else x for x in batch))

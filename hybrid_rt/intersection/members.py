@@ -20,23 +20,21 @@ LARGE, USUAL = 32.0, 0.25
 LEAF_SIZE = 2
 # In a frame 4096 times as large as a teapot a ray takes a tenth longer, in one 1e5 times 19 times as long.
 SMALL = 2.0**-12
+# Parts of one surface: boxes are then widened by a sixteenth of the part.
+SMALL_PART = 2.0**-15
 # Clusters are told apart on a grid of so many cells a side. Each frame costs each ray some 50 ns.
 CELLS, MOST_CELLS, MOST_FRAMES = 64, 4096, 16
 
 
-def in_frames(bounds: FloatArray) -> list[NDArray[np.int64]]:
+def in_frames(bounds: FloatArray, smallest: float = SMALL) -> list[NDArray[np.int64]]:
     """Sort boxes into groups, each of which has a frame of its own.
 
     A frame cannot tell apart what is small beside it: its trees are of float32. So what is small lies in
     frames of its own, one for each cluster, if few clusters hold all of it.
 
-    Parameters
-    ----------
-    bounds : (n, 2, 3) float64
-
-    Returns
-    -------
-    list of index arrays, the rows of each group in rising order
+    ``bounds`` (n, 2, 3).
+    ``smallest``: what is smaller, over the extent of all, is small.
+    Returns list of index arrays, the rows of each group in rising order.
     """
     todo, groups = [np.arange(len(bounds))], list[NDArray[np.int64]]()
     size = np.linalg.norm(bounds[:, 1] - bounds[:, 0], axis=1)
@@ -44,7 +42,7 @@ def in_frames(bounds: FloatArray) -> list[NDArray[np.int64]]:
         rows = todo.pop(0)
         low, high = bounds[rows, 0].min(axis=0), bounds[rows, 1].max(axis=0)
         extent = float(np.linalg.norm(high - low))
-        is_small = size[rows] < SMALL * extent
+        is_small = size[rows] < smallest * extent
         small, large = rows[is_small], rows[~is_small]
         middle = 0.5 * (bounds[small, 0] - low) + 0.5 * (bounds[small, 1] - low)
         parts = [small[k] for k in _clusters(middle, extent / CELLS)] if small.size else []
@@ -86,21 +84,11 @@ def in_order(
 ) -> tuple[NDArray[np.int64], int, list[Members]]:
     """Return the order in which surfaces stand in a table, and what of it is in trees.
 
-    Parameters
-    ----------
-    surfaces : sequence of Surface
-        Bounded ones.
-    many : int
-        Number of surfaces from which on a tree is used.
-
-    Returns
-    -------
-    order : (n,) int64
-        Those first that are asked by all rays.
-    n_plain : int
-        How many these are.
-    in_trees : list of Members
-        The others, a tree for each frame.
+    ``surfaces``: bounded ones.
+    ``many``: number of surfaces from which on a tree is used.
+    Returns ``order`` (n,) int64: those first that are asked by all rays.
+    ``n_plain``: how many these are.
+    ``in_trees``: the others, a tree for each frame.
     """
     is_plain = asked_by_all(np.array([surface.size for surface in surfaces]), many)
     order, n_plain = np.argsort(~is_plain, kind="stable"), int(np.count_nonzero(is_plain))
@@ -121,8 +109,13 @@ def tree_over(bounds: FloatArray, begin: int, leaf_size: int = LEAF_SIZE) -> Mem
     from hybrid_rt.intersection.kernels.search.members import Members
     from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree
 
-    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
-    middle = 0.5 * low + 0.5 * high
-    to_frame = float(2.0 ** -np.ceil(np.log2(np.linalg.norm(0.5 * high - 0.5 * low))))
+    middle, to_frame = frame_of(bounds)
     lower, upper = (bounds[:, 0] - middle) * to_frame, (bounds[:, 1] - middle) * to_frame
     return Members(Tree(*build_tree(lower, upper, leaf_size)), begin, middle, to_frame)
+
+
+def frame_of(bounds: FloatArray) -> tuple[FloatArray, float]:
+    """Return the middle of boxes (n, 2, 3), and the power of two that brings all of them within 1 of it."""
+    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+    radius = np.linalg.norm(0.5 * high - 0.5 * low)
+    return 0.5 * low + 0.5 * high, float(2.0 ** -np.ceil(np.log2(radius)))

@@ -27,30 +27,21 @@ LARGEST = 1e150
 
 @dataclass(frozen=True)
 class Batch:
-    """Checked rays of a caller; `rows` converts a slice to the kernels' format.
+    """Checked rays of a caller; `rows` converts a slice to the kernels' format."""
 
-    Attributes
-    ----------
-    origin, direction : (n, 3) float64
-    t_min, t_max : (n,) float64
-        In lengths of the given directions.
-    source, target : NamedPoints of n rows, or None
-        Points that rays leave and lead to; they are excluded as hits. Or ``source`` is
-        (n,) float64, the t of a crossing of each ray: the search goes on behind it, to no target.
-    reach : (objects,) float64
-        See `make_batch`.
-    unseen : (n,) int32, or None
-        An object that each ray ignores; -1: none.
-    """
-
+    # (n, 3)
     origin: FloatArray
     direction: FloatArray
+    # (n,) or (1,): in lengths of the given directions
     t_min: FloatArray
     t_max: FloatArray
+    # NamedPoints of n rows, or None: points that rays leave and lead to; they are excluded as hits.
+    # Or ``source`` is (n,) float64, the t of a crossing of each ray: the search goes on behind it,
+    # to no target.
     source: NamedPoints | FloatArray | None
     target: NamedPoints | None
-    reach: FloatArray
-    unseen: IntArray | None
+    reach: FloatArray  # (objects,): see `make_batch`
+    unseen: IntArray | None  # (n,) int32, or None: an object that each ray ignores; -1: none
 
     def __len__(self) -> int:
         """Return the number of rays."""
@@ -63,10 +54,17 @@ class Batch:
         scaled, unit = np.empty((n, 3)), np.empty(n)
         t_min, t_max = np.empty(n), np.empty(n)
         kernels.scale_rays(
-            direction, self.t_min[begin:end], self.t_max[begin:end], scaled, unit, t_min, t_max
-        )
+            direction, _rows(self.t_min, begin, end), _rows(self.t_max, begin, end), scaled, unit,
+            t_min, t_max,
+        )  # fmt: skip
         known = self._known(origin, scaled, unit, begin, end)
         return Rays(origin, scaled, t_min, known), t_max, unit
+
+    def is_limited(self, begin: int, end: int) -> bool:
+        """Tell whether any ray of a slice has an upper limit."""
+        if self.t_max is NO_LIMIT:
+            return False
+        return bool(_rows(self.t_max, begin, end).min(initial=np.inf) < np.inf)
 
     def _known(
         self, origin: FloatArray, direction: FloatArray, unit: FloatArray, begin: int, end: int
@@ -101,6 +99,11 @@ class Batch:
         return known
 
 
+def _rows(limits: FloatArray, begin: int, end: int) -> FloatArray:
+    """Return the limits of a slice of rays; one that holds for all stays one."""
+    return limits if len(limits) == 1 else limits[begin:end]
+
+
 def make_batch(
     origins: ArrayLike,
     directions: ArrayLike,
@@ -114,21 +117,12 @@ def make_batch(
 ) -> Batch:
     """Return checked rays.
 
-    Parameters
-    ----------
-    origins, directions, t_min, t_max, source, unseen
-        As `Intersector.intersect` takes them; ``source`` also as `Batch` does.
-    target : HitRecord or NamedPoints of n rows, optional
-        The points that rays lead to.
-    reach : (objects,) float64
-        The ``rounding_reach`` of each surface.
-    pool : Pool
-        Shares the work of checking.
-
-    Raises
-    ------
-    ValueError, TypeError
-        As `Intersector.intersect` does.
+    ``origins``, ``directions``, ``t_min``, ``t_max``, ``source``, ``unseen``: as
+    `Intersector.intersect` takes them; ``source`` also as `Batch` does.
+    ``target``, HitRecord or NamedPoints of n rows: the points that rays lead to.
+    ``reach`` (objects,): the ``rounding_reach`` of each surface.
+    ``pool``: shares the work of checking.
+    Raises ValueError or TypeError: As `Intersector.intersect` does.
     """
     origin, direction, shape = as_rays(origins, directions)
     origin, direction = locked(origin), locked(direction)
@@ -136,10 +130,9 @@ def make_batch(
     bad: list[tuple[int, IdArray, IdArray]] = []
 
     def check(begin: int, end: int) -> None:
-        kinds = len(kernels.COMPLAINTS)
-        first_bad, n_bad = np.full(kinds, -1), np.zeros(kinds, np.int64)
-        kernels.check_rays(origin[begin:end], direction[begin:end], LARGEST, first_bad, n_bad)
-        if n_bad.any():
+        first_bad, n_bad = np.zeros((2, len(kernels.COMPLAINTS)), np.int64)
+        rows = origin[begin:end], direction[begin:end]
+        if kernels.check_rays(*rows, LARGEST, first_bad, n_bad):
             bad.append((begin, first_bad + begin, n_bad))
 
     pool.run(check, n)
@@ -163,10 +156,7 @@ def as_rays(
 
     A single vector is broadcast against a batch of the other.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If the arrays are not real, or the shapes do not match.
+    Raises TypeError or ValueError if the arrays are not real, or the shapes do not match.
     """
     origin, direction = _vectors(origins, "origins"), _vectors(directions, "directions")
     shape, other = origin.shape[:-1], direction.shape[:-1]
@@ -184,13 +174,13 @@ def as_rays(
 
 
 def as_limit(value: ArrayLike, name: str, shape: tuple[int, ...]) -> FloatArray:
-    """Return one limit per ray, (n,) float64, for a batch of a shape.
+    """Return one limit per ray, (n,) float64, for a batch of a shape; (1,): one for all.
 
-    Raises
-    ------
-    ValueError, TypeError
-        If ``value`` is neither one number nor one per ray, or holds nan; ``name`` is named.
+    Raises ValueError or TypeError if ``value`` is neither one number nor one per ray, or holds nan;
+    ``name`` is named.
     """
+    if type(value) is float and value in _USUAL:
+        return _USUAL[value]
     if value is None:
         raise TypeError(f"{name} is None: pass a number, or inf for no limit")
     array, n = as_floats(value, name), math.prod(shape)
@@ -200,9 +190,9 @@ def as_limit(value: ArrayLike, name: str, shape: tuple[int, ...]) -> FloatArray:
             f"{name} has shape {array.shape} for rays of shape {(*shape, 3)}: pass one number, or "
             f"one per ray, {wanted}"
         )
-    if np.isnan(array).any():
+    if math.isnan(array.sum() if array.size == 1 else array.max(initial=0.0)):
         raise ValueError(f"{name} holds nan: pass numbers, or inf for no limit")
-    return np.broadcast_to(array.reshape(-1), (n,))
+    return locked(array.reshape(-1))
 
 
 def locked(array: FloatArray) -> FloatArray:
@@ -210,6 +200,10 @@ def locked(array: FloatArray) -> FloatArray:
     view = array.view()
     view.flags.writeable = False
     return view
+
+
+NO_LIMIT = locked(np.array([np.inf]))
+_USUAL = {0.0: locked(np.zeros(1)), np.inf: NO_LIMIT}
 
 
 def _vectors(values: ArrayLike, name: str) -> FloatArray:

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import product
-from hybrid_rt.intersection.kernels.moved import not_zero
 from hybrid_rt.intersection.kernels.search.counters import CELLS, NODES
 from hybrid_rt.intersection.kernels.search.frame import (
     any_normal,
@@ -18,12 +17,14 @@ from hybrid_rt.intersection.kernels.search.frame import (
     end_of,
     enter_frame,
 )
+from hybrid_rt.intersection.kernels.search.members import FARTHEST
 from hybrid_rt.intersection.kernels.search.nearest import (
     CLEAR,
     SUSPECT,
     begins_at,
     doubt,
     is_known,
+    not_zero,
     note_departure,
     offer,
 )
@@ -47,11 +48,10 @@ class TriangleTable(NamedTuple):
     to_frame: float  # power of two
     vertex: Any  # (v, 3) world
     face: Any  # (f, 3) int64
-    longest: float  # side of a face
     around: Any  # (objects, 5) world: middle of each mesh, the diameter of its box, and its `moved`
     object_id: Any  # (f,) int32
     patch_id: Any  # (f,) int32: number within its mesh
-    corner: Any  # (f, 9) world: the three vertices of each face, faces in the order of the tree
+    corner: Any  # (f, 9) world: the three vertices of each face, faces in the order of the trees
     order: Any  # (f,) int32: face of each row of `corner`
 
 
@@ -275,11 +275,13 @@ def _axes(d):
 
 
 @kernel
-def trace_triangles(table, tree, rays, aside, best, any_hit, stack, counters):
-    """Lower ``best`` to the first hits on triangles; ``stack`` is scratch.
+def trace_triangles(table, members, longest, rays, aside, best, any_hit, stack, counters):
+    """Lower ``best`` to the first hits on the triangles of one tree; ``stack`` is scratch.
 
-    ``aside``, (n, 3) or (0, 3), moves each ray, in lengths of the world.
+    ``members`` counts rows of `corner`; ``longest`` is the longest side of these faces. ``aside``, (n, 3)
+    or (0, 3), moves each ray, in lengths of the world.
     """
+    tree, begin, middle, to_frame = members
     for i in range(rays.origin.shape[0]):
         if any_hit and best.object_id[i] >= 0:
             continue
@@ -291,24 +293,23 @@ def trace_triangles(table, tree, rays, aside, best, any_hit, stack, counters):
             qx, qy = aside[i, kx] - sx * aside[i, kz], aside[i, ky] - sy * aside[i, kz]
         shear, reach = Shear(kx, ky, kz, sx, sy, qx, qy), _reach(table, o)
         x, y, z, _, _, _, shift = enter_frame(
-            o[0], o[1], o[2], d[0], d[1], d[2], table.middle[0], table.middle[1], table.middle[2],
-            table.to_frame,
+            o[0], o[1], o[2], d[0], d[1], d[2], middle[0], middle[1], middle[2], to_frame
         )  # fmt: skip
         ray = box_ray(x, y, z, d[0], d[1], d[2])
-        t_lo = begin_of(rays.t_min[i], table.to_frame, shift)
-        t_cut = end_of(best.t[i], table.to_frame, shift)
-        top = -1
+        t_lo = begin_of(rays.t_min[i], to_frame, shift)
+        t_cut = end_of(best.t[i], to_frame, shift)
+        is_far = abs(shift) > FARTHEST
+        top, first, count = -1, np.int64(0), np.int64(tree.order.shape[0])
         while True:
-            top, first, count, nodes = next_leaf(tree, ray, t_lo, t_cut, stack, top)
-            counters[NODES] += nodes
-            if count == 0:
-                break
-            for k in range(first, first + count):
+            if not is_far:
+                top, first, count, nodes = next_leaf(tree, ray, t_lo, t_cut, stack, top)
+                counters[NODES] += nodes
+            for k in range(begin + first, begin + first + count):
                 counters[CELLS] += 1
-                offer_triangle(i, k, table, o, d, shear, reach, reach * table.longest, rays, best)
-            if any_hit and best.object_id[i] >= 0:
+                offer_triangle(i, k, table, o, d, shear, reach, reach * longest, rays, best)
+            if is_far or count == 0 or (any_hit and best.object_id[i] >= 0):
                 break
-            t_cut = end_of(best.t[i], table.to_frame, shift)
+            t_cut = end_of(best.t[i], to_frame, shift)
 
 
 @kernel

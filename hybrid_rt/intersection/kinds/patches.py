@@ -35,19 +35,14 @@ from hybrid_rt.intersection.kernels.patch.trace import (
     settle_doubts,
     trace_patches,
 )
-from hybrid_rt.intersection.kernels.search.coarse import (
-    CoarseHits,
-    CoarseTriangles,
-    guess_cells,
-)
+from hybrid_rt.intersection.kernels.search.coarse import CoarseHits, CoarseTriangles, guess_cells
 from hybrid_rt.intersection.kernels.search.counters import NEWTONS
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tolerances import DEPTH, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_stack
 from hybrid_rt.intersection.kind import Finished, rows_of, widen_bounds
 from hybrid_rt.intersection.kinds.closed_poles import closed_poles
-from hybrid_rt.intersection.margins import Aim, Rows, suspects
-from hybrid_rt.intersection.margins import settle as settle_rows
+from hybrid_rt.intersection.margins import Aim, Probes, Rows, Search
 from hybrid_rt.intersection.sheets import Sheets
 from hybrid_rt.intersection.trims import may_hold_hits, no_trim, trim_of, trimmed_of, whole_of
 from meshing import BezierPatches, TrimmedSurface
@@ -85,15 +80,11 @@ class _Nets(NamedTuple):
 class PatchKind:
     """First hits on Bezier patches, all polynomial or all rational.
 
-    Parameters
-    ----------
-    members : sequence of (object id, BezierPatches, PatchSheet or TrimmedSurface of one of them)
-        All of them rational, or none, and all of them trimmed, or none; else TypeError.
-    pool : Pool
-        Shares the work of building.
-    finest : int
-        Largest number of cells per side of a patch. 0: no cells and no hierarchy, so only `refine`
-        and `finish` work.
+    ``members``, sequence of (object id, BezierPatches, PatchSheet or TrimmedSurface of one of
+    them): all of them rational, or none, and all of them trimmed, or none; else TypeError.
+    ``pool``: shares the work of building.
+    ``finest``: largest number of cells per side of a patch. 0: no cells and no hierarchy, so only
+    `refine` and `finish` work.
     """
 
     def __init__(
@@ -177,6 +168,8 @@ class PatchKind:
         # The sum of `rounding_of_root` has room for one rounding of a patch's size.
         moved = np.repeat([s.moved for _, s in surfaces], counts)
         self._moved = np.where(moved * to_frame > UNIT_ROUNDOFF * size, moved, 0.0)
+        self._is_moved = bool(self._moved.any())
+        self._widest, self._is_bicubic = int(degree.max()) + 1, bool((degree == 3).all())
         self._first_patch = np.full(int(object_id.max()) + 1, -1, np.int64)
         for (i, _), first in zip(surfaces, np.cumsum([0, *counts[:-1]]), strict=True):
             self._first_patch[i] = first
@@ -228,7 +221,7 @@ class PatchKind:
         work: FloatArray,
     ) -> None:
         """Trace rays, moved by ``aside`` in lengths of the frame; the rest is as in the kernel."""
-        scratch = _new_scratch(self.table, self.tree, len(best.t))
+        scratch = self._new_scratch(len(best.t))
         begin, n = 0, len(best.t)
         while begin < n:
             some, nearest = rows_of(rays, begin, n), rows_of(best, begin, n)
@@ -279,49 +272,62 @@ class PatchKind:
         accepted = np.zeros(len(rows), np.bool_)
         refine_patches(
             self._told, hits, triangles, first, rows, rays, self.table.to_frame * aside, best,
-            _new_basis(self.table), accepted,
+            self._new_basis(), accepted,
         )  # fmt: skip
         return accepted
 
-    def settle(
-        self,
-        rays: Rays,
-        best: Nearest,
-        kind_of: IntArray,
-        kind: int,
-        out: Finished,
-        work: FloatArray,
-    ) -> None:
-        """Find the hits on patches that moving the ray by the band would lose."""
-        rows = suspects(best, kind_of, kind)
-        if not len(rows):
-            return
-        table, n = self.table, len(rows)
+    @property
+    def frame(self) -> float:
+        """Size of all patches, world units."""
+        return 1.0 / self.table.to_frame
+
+    def aim(self, rays: Rays, best: Nearest, out: Finished, rows: Rows) -> Aim:
+        """Return where to displace rays whose hits are in doubt."""
+        n = len(rows)
         aim = Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
-        aim_at_patches(self._told, rays, best, out, rows, _new_basis(table), *aim)
+        aim_at_patches(self._told, rays, best, out, rows, self._new_basis(), *aim)
+        return aim
 
-        def follow(probes: Rays, which: Rows, aside: FloatArray, nearest: Nearest) -> None:
-            # A point stands for a triangle, of which the first corner counts.
-            k, m = best.primitive[which], len(which)
-            corners = np.repeat(np.column_stack([best.a[which], best.b[which]])[:, None], 3, axis=1)
-            points = CoarseTriangles(
-                np.empty((0, 3)), np.empty((0, 3), np.int64), table.object_id[k], table.patch_id[k],
-                corners,
-            )  # fmt: skip
-            starts = CoarseHits(
-                np.arange(m, dtype=np.int32), best.t[which], np.zeros(m), np.zeros(m)
-            )
-            self._refine(starts, points, self._first_patch, np.arange(m), probes, aside, nearest)
-            work[NEWTONS] += m
+    @property
+    def searches(self) -> tuple[Search, Search]:
+        """Newton from the hit, then the search."""
+        return self._follow, self._search
 
-        def retrace(probes: Rays, _: Rows, aside: FloatArray, nearest: Nearest) -> None:
-            moves = table.to_frame * aside
-            self._trace(probes, moves, _NO_CELLS, nearest, False, np.empty(0), work)
+    def _follow(self, probes: Probes, nearest: Nearest, work: FloatArray) -> None:
+        # A point stands for a triangle, of which the first corner counts.
+        before, rows, table = probes.before, probes.rows, self.table
+        k, m = before.primitive[rows], len(rows)
+        corners = np.repeat(np.column_stack([before.a[rows], before.b[rows]])[:, None], 3, axis=1)
+        points = CoarseTriangles(
+            np.empty((0, 3)), np.empty((0, 3), np.int64), table.object_id[k], table.patch_id[k],
+            corners,
+        )  # fmt: skip
+        starts = CoarseHits(np.arange(m, dtype=np.int32), before.t[rows], np.zeros(m), np.zeros(m))
+        self._refine(
+            starts, points, self._first_patch, np.arange(m), probes.rays, probes.aside, nearest
+        )
+        work[NEWTONS] += m
 
-        def describe(probes: Rays, nearest: Nearest, found: Finished) -> None:
-            self.finish(probes, nearest, kind_of, kind, found)
+    def _search(self, probes: Probes, nearest: Nearest, work: FloatArray) -> None:
+        moves = self.table.to_frame * probes.aside
+        self._trace(probes.rays, moves, _NO_CELLS, nearest, False, np.empty(0), work)
 
-        settle_rows(rows, rays, best, out, aim, 1.0 / table.to_frame, [follow, retrace], describe)
+    def _new_basis(self) -> FloatArray:
+        """Return scratch for Bernstein polynomials."""
+        return np.empty((4, self._widest))
+
+    def _new_scratch(self, n_rays: int) -> PatchScratch:
+        """Return scratch for one call of `trace_patches`."""
+        widest = self._widest
+        return PatchScratch(
+            basis=None if self._is_bicubic else self._new_basis(),
+            nets=np.empty((DEPTH, widest, widest, 4)),
+            room=np.empty((widest, widest, 3)),
+            boxes=np.empty((DEPTH, 4)),
+            stack=new_stack(self.tree, MORE),
+            # Room for every record once, by one ray; memory that is not touched costs nothing.
+            queue=np.empty((len(self.table.record) + n_rays, 2), np.int32),
+        )
 
     def _first_of(self, coarse: Coarse) -> NDArray[np.int64]:
         """Return for each object its first patch here, -1 for objects of other kinds."""
@@ -333,8 +339,9 @@ class PatchKind:
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
     ) -> None:
         """Describe the hits that are on patches."""
-        finish_patches(self._told, rays, best, kind_of, kind, _new_basis(self.table), out)
-        widen_bounds(self._moved, rays, best, kind_of, kind, out)
+        finish_patches(self._told, rays, best, kind_of, kind, self._new_basis(), out)
+        if self._is_moved:
+            widen_bounds(self._moved, rays, best, kind_of, kind, out)
         if self._sheets is not None:
             self._sheets.finish(best.object_id, out)
 
@@ -453,22 +460,3 @@ def _fastest(net: FloatArray) -> tuple[float, float]:
 
 def _longest(vectors: FloatArray) -> float:
     return float(np.linalg.norm(vectors, axis=-1).max(initial=0.0))
-
-
-def _new_basis(table: PatchTable) -> FloatArray:
-    """Return scratch for Bernstein polynomials."""
-    return np.empty((4, int(table.degree.max()) + 1))
-
-
-def _new_scratch(table: PatchTable, tree: Tree, n_rays: int) -> PatchScratch:
-    """Return scratch for one call of `trace_patches`."""
-    widest = int(table.degree.max()) + 1
-    return PatchScratch(
-        basis=None if (table.degree == 3).all() else _new_basis(table),
-        nets=np.empty((DEPTH, widest, widest, 4)),
-        room=np.empty((widest, widest, 3)),
-        boxes=np.empty((DEPTH, 4)),
-        stack=new_stack(tree, MORE),
-        # Room for every record once, by one ray; memory that is not touched costs nothing.
-        queue=np.empty((len(table.record) + n_rays, 2), np.int32),
-    )

@@ -63,12 +63,9 @@ STRAIGHT = 1e-10
 class RevolutionKind:
     """First hits on surfaces of revolution.
 
-    Parameters
-    ----------
-    members : sequence of (object id, SurfaceOfRevolution or TrimmedSurface of one)
-        All of them trimmed, or none; else TypeError.
-    many : int
-        Number of surfaces from which on a tree is used.
+    ``members``, sequence of (object id, SurfaceOfRevolution or TrimmedSurface of one): all of them
+    trimmed, or none; else TypeError.
+    ``many``: number of surfaces from which on a tree is used.
     """
 
     def __init__(
@@ -113,7 +110,7 @@ class RevolutionKind:
                 end[first_segment[-1] :], segment_id[first_segment[-1] :], first_segment[-1]
             )
             first_segment.append(len(control))
-        self._moved = np.array(moved)
+        self._moved, self._is_moved = np.array(moved), any(moved)
         degree = np.array([len(net) - 1 for net in control], np.int64)
         n_pieces = np.where(degree == 1, 1, np.where(degree > 6, 2 * PIECES, PIECES))
         first_piece = np.concatenate([[0], n_pieces.cumsum()]).astype(np.int64)
@@ -193,7 +190,8 @@ class RevolutionKind:
         row_of = self._rows(len(kind_of))
         row_of[kind_of != kind] = -1
         finish_revolutions(self.table, rays, best, row_of, np.empty(RAY), out)
-        widen_bounds(self._moved, rays, best, kind_of, kind, out)
+        if self._is_moved:
+            widen_bounds(self._moved, rays, best, kind_of, kind, out)
 
 
 def _with_conversion(
@@ -268,8 +266,7 @@ def _from_rounded(surface: SurfaceOfRevolution, centre: float, point: FloatArray
     ]  # fmt: skip
     gap = np.array([float(x) for x in exact])
     frame = np.stack([surface.radial, surface.binormal, surface.axis])
-    turned: FloatArray = frame @ gap
-    return turned
+    return frame @ gap
 
 
 def _describe_end(

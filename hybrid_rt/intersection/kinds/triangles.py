@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
-from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_stack
+from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND
+from hybrid_rt.intersection.kernels.search.tree import new_stack
 from hybrid_rt.intersection.kernels.triangle import (
     TriangleTable,
     aim_at_triangles,
@@ -21,12 +22,13 @@ from hybrid_rt.intersection.kernels.triangle import (
     trace_triangles,
 )
 from hybrid_rt.intersection.kind import Finished
-from hybrid_rt.intersection.margins import Aim, Rows, suspects
-from hybrid_rt.intersection.margins import settle as settle_rows
+from hybrid_rt.intersection.margins import Aim, Probes, Rows, Search
+from hybrid_rt.intersection.members import SMALL_PART, frame_of, in_frames, tree_over
 from hybrid_rt.primitives import TriangleMesh
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.coarse.proposals import Coarse
+    from hybrid_rt.intersection.kernels.search.members import Members
 
 _NOT_MOVED = np.empty((0, 3))
 # A box test costs about as much as a triangle's.
@@ -36,10 +38,7 @@ LEAF_SIZE = 4
 class TriangleKind:
     """First hits on triangle meshes.
 
-    Parameters
-    ----------
-    meshes : sequence of (object id, TriangleMesh)
-    search : whether `trace` is needed: a tree; else only `refine` and `finish` work
+    ``meshes``, sequence of (object id, TriangleMesh).
     """
 
     def __init__(self, meshes: Sequence[tuple[int, TriangleMesh]], search: bool = True) -> None:
@@ -53,16 +52,20 @@ class TriangleKind:
         corners = vertex[face]
         order = np.arange(len(face), dtype=np.int32)
         moved = np.array([mesh.moved for _, mesh in meshes])
-        wide = 2.0 * np.repeat(moved, counts)[:, None]
-        lower, upper = corners.min(axis=1) - wide, corners.max(axis=1) + wide
-        lo, hi = lower.min(axis=0), upper.max(axis=0)
-        middle = 0.5 * lo + 0.5 * hi
-        radius = np.linalg.norm(0.5 * hi - 0.5 * lo)
-        to_frame = float(2.0 ** -np.ceil(np.log2(radius)))
+        around = _around(meshes)
+        # A ray from nearby has a band that counts by the size of the whole mesh.
+        wide = 2.0 * np.repeat(moved + TANGENT_BAND * around[[i for i, _ in meshes], 3], counts)
+        bounds = np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1)
+        bounds += wide[:, None, None] * np.array([-1.0, 1.0])[:, None]
+        middle, to_frame = frame_of(bounds)
+        # A tree for each frame of faces, and the longest side of one.
+        self._trees: list[tuple[Members, float]] = []
         if search:
-            boxes = (lower - middle) * to_frame, (upper - middle) * to_frame
-            self.tree = Tree(*build_tree(*boxes, LEAF_SIZE))
-            order = self.tree.order
+            groups = in_frames(bounds, SMALL_PART)
+            for rows, begin in zip(groups, np.cumsum([0, *map(len, groups)]), strict=False):
+                members = tree_over(bounds[rows], int(begin), LEAF_SIZE)
+                order[begin : begin + len(rows)] = rows[members.tree.order]
+                self._trees.append((members, _longest_side(corners[rows])))
         self._place = np.empty(len(face), np.int32)
         self._place[order] = np.arange(len(face), dtype=np.int32)
         self.table = TriangleTable(
@@ -70,8 +73,7 @@ class TriangleKind:
             to_frame=to_frame,
             vertex=np.ascontiguousarray(vertex),
             face=np.ascontiguousarray(face),
-            longest=_longest_side(corners),
-            around=_around(meshes),
+            around=around,
             object_id=object_id,
             patch_id=np.concatenate([np.arange(n, dtype=np.int32) for n in counts]),
             corner=corners.reshape(-1, 9)[order],
@@ -86,8 +88,17 @@ class TriangleKind:
     ) -> None:
         """Lower ``best`` to the first hits on the meshes."""
         del guess
-        stack = new_stack(self.tree)
-        trace_triangles(self.table, self.tree, rays, _NOT_MOVED, best, any_hit, stack, work)
+        self._trace(rays, _NOT_MOVED, best, any_hit, work)
+
+    def _trace(
+        self, rays: Rays, aside: FloatArray, best: Nearest, any_hit: bool, work: FloatArray
+    ) -> None:
+        """Trace rays, moved by ``aside``, world; the rest is as in `trace`."""
+        for members, longest in self._trees:
+            stack = new_stack(members.tree)
+            trace_triangles(
+                self.table, members, longest, rays, aside, best, any_hit, stack, work
+            )  # fmt: skip
 
     def refine(
         self,
@@ -111,31 +122,26 @@ class TriangleKind:
         """Describe the hits that are on meshes."""
         finish_triangles(self.table, rays, best, kind_of, kind, out)
 
-    def settle(
-        self,
-        rays: Rays,
-        best: Nearest,
-        kind_of: IntArray,
-        kind: int,
-        out: Finished,
-        work: FloatArray,
-    ) -> None:
-        """Find the hits on meshes that moving the ray by the band would lose."""
-        rows = suspects(best, kind_of, kind)
-        if not len(rows):
-            return
-        table, n = self.table, len(rows)
+    @property
+    def frame(self) -> float:
+        """Size of all meshes, world units."""
+        return 1.0 / self.table.to_frame
+
+    def aim(self, rays: Rays, best: Nearest, out: Finished, rows: Rows) -> Aim:
+        """Return where to displace rays whose hits are in doubt."""
+        del out
+        n = len(rows)
         aim = Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
-        aim_at_triangles(table, rays, best, rows, *aim)
+        aim_at_triangles(self.table, rays, best, rows, *aim)
+        return aim
 
-        def retrace(probes: Rays, _: Rows, aside: FloatArray, nearest: Nearest) -> None:
-            stack = new_stack(self.tree)
-            trace_triangles(table, self.tree, probes, aside, nearest, False, stack, work)
+    @property
+    def searches(self) -> tuple[Search]:
+        """The search alone: in a tree of triangles there is nothing quicker."""
+        return (self._search,)
 
-        def describe(probes: Rays, nearest: Nearest, found: Finished) -> None:
-            self.finish(probes, nearest, kind_of, kind, found)
-
-        settle_rows(rows, rays, best, out, aim, 1.0 / table.to_frame, [retrace], describe)
+    def _search(self, probes: Probes, nearest: Nearest, work: FloatArray) -> None:
+        self._trace(probes.rays, probes.aside, nearest, False, work)
 
 
 def _longest_side(corners: FloatArray) -> float:

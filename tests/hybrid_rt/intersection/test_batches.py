@@ -1,5 +1,7 @@
 """Batches whose parts do not fit are refused; those that fit are matched ray by ray."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numba import typeof
@@ -80,3 +82,35 @@ def test_displaced_rays_need_no_kernels_of_their_own():
     rays, _, _ = make_batch(o, d, 0.0, np.inf, None, None, np.zeros(1), Pool(1)).rows(0, 3)
     for rows in (np.arange(2), np.array([2, 2, 0])):
         assert typeof(_rows_of(rays, rows)) == typeof(rays)
+
+
+def test_hits_may_be_written_into_memory_that_is_there(tracer):
+    o, d = O.reshape(-1, 3), D.reshape(-1, 3)
+    wanted, room = tracer.intersect(o, -d), tracer.intersect(o, d)
+    assert room.hit.all()
+    assert not wanted.hit.any()
+    assert tracer.intersect(o, -d, out=room) is room
+    for name, column in vars(room).items():
+        assert column.tobytes() == getattr(wanted, name).tobytes(), name
+    tracer.intersect(o[:2], d[:2], out=room[2:4])
+    assert room.hit.tolist() == [False, False, True, True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("out", "error", "words"),
+    [
+        (5, TypeError, "out is 5: pass a HitRecord of 6 rows"),
+        (0, ValueError, r"out.t is float64 \(5,\): pass float64 \(6,\) that is writable"),
+        (1, ValueError, r"out.position .*pass float64 \(6, 3\) that is writable and in C order"),
+        (2, ValueError, r"out.object_id is int64 \(6,\): pass int32 \(6,\)"),
+    ],
+)
+def test_memory_that_does_not_fit_is_refused(tracer, out, error, words):
+    room = tracer.intersect(O, D)
+    faults = {
+        0: lambda: room[:5],
+        1: lambda: replace(room, position=np.zeros((3, 6)).T),
+        2: lambda: replace(room, object_id=np.zeros(6, np.int64)),
+    }
+    with pytest.raises(error, match=words):
+        tracer.intersect(O, D, out=faults.get(out, lambda: out)())

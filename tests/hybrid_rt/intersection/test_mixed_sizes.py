@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from hybrid_rt import Box, Intersector, Sphere, TriangleMesh, demo
+from hybrid_rt import Box, Intersector, Sphere, Status, TriangleMesh, demo
 from hybrid_rt.intersection.members import MOST_FRAMES, in_frames
 from meshing import BezierPatches
 
@@ -103,6 +103,25 @@ def test_a_large_or_far_thing_of_the_same_class_adds_few_nodes(name, size):
     np.testing.assert_array_equal(hits.t[same], alone.t[same])
     # Whatever differs is hidden by the other, or hides nothing.
     assert (hits.object_id[~same] == len(things)).all()
+
+
+@pytest.mark.parametrize("size", [1e6, 1e9])
+def test_large_faces_in_a_mesh_add_few_nodes(size):
+    ball, floor = ball_of_triangles(), plate(4.0 * size, -1.5)
+    faces = np.concatenate([ball.faces, floor.faces + len(ball.vertices)])
+    both = mesh_of(np.concatenate([ball.vertices, floor.vertices]), faces)
+    rng = np.random.default_rng(2)
+    targets = rng.uniform(-1.0, 1.0, (4000, 3))
+    origins = targets + 5.0 * rng.normal(size=(4000, 3))
+    one, two = (Intersector(s, coarse="none") for s in ([both], [ball, floor]))
+    hits = one.intersect(origins, targets - origins)
+    apart = two.intersect(origins, targets - origins)
+    # The band counts by the size of the whole mesh, and boxes are widened by it.
+    assert one.counters["nodes"] <= 2.5 * two.counters["nodes"]
+    assert (np.unique(hits.status[hits.status != apart.status]) == [Status.TANGENT]).all()
+    np.testing.assert_array_equal(hits.t, apart.t)
+    shift = np.where(apart.object_id == 1, len(ball.faces), 0)
+    np.testing.assert_array_equal(hits.patch_id, apart.patch_id + shift)
 
 
 def test_patches_that_rounding_has_moved_are_told_from_other_primitives():

@@ -58,9 +58,9 @@ def _complain(what, i, first_bad, n_bad):
 
 @kernel
 def check_rays(origin, direction, farthest, first_bad, n_bad):
-    """Count the rays with each complaint: ``n_bad`` (5,), and their first rows: ``first_bad``.
+    """Count the rays with each complaint, ``n_bad`` (5,), zero before; return the sum.
 
-    Before: 0 and -1.
+    ``first_bad`` (5,) receives the first row of each complaint there is.
     """
     for i in range(origin.shape[0]):
         largest = 0.0
@@ -81,6 +81,7 @@ def check_rays(origin, direction, farthest, first_bad, n_bad):
             _complain(DIRECTION_ZERO, i, first_bad, n_bad)
         elif largest < SMALLEST:
             _complain(DIRECTION_TOO_SHORT, i, first_bad, n_bad)
+    return n_bad.sum()
 
 
 @inlined
@@ -115,12 +116,13 @@ def scaled_limit(t_max, unit):
 def scale_rays(direction, t_min, t_max, scaled, unit, lowest, highest):
     """Scale directions (n, 3); see `scale_ray`.
 
-    ``unit`` (n,) receives the power of two; limits of t (n,) become those of the scaled direction.
+    ``unit`` (n,) receives the power of two. Limits of t, (n,) or one for all (1,), become those of
+    the scaled directions: ``lowest`` and ``highest`` (n,).
     """
     for i in range(direction.shape[0]):
         unit[i] = scale_ray(direction, i, scaled, i)
-        lowest[i] = t_min[i] / unit[i]
-        highest[i] = scaled_limit(t_max[i], unit[i])
+        lowest[i] = t_min[min(i, t_min.size - 1)] / unit[i]
+        highest[i] = scaled_limit(t_max[min(i, t_max.size - 1)], unit[i])
 
 
 @inlined
@@ -161,16 +163,9 @@ def complete_row(i, direction, unit, best, record):
 def complete_rows(direction, unit, best, record, totals):
     """Fill the columns that are the same for every kind of surface, and all columns of misses.
 
-    Parameters
-    ----------
-    direction : (n, 3) float64
-        As the rays have it.
-    unit : (n,) float64
-        Brings t into the caller's lengths.
-    best : Nearest
-    record : Record
-    totals : (2,) int64
-        Hits and TANGENT rows are added here.
+    ``direction`` (n, 3): as the rays have it.
+    ``unit`` (n,): brings t into the caller's lengths.
+    ``totals`` (2,) int64: hits and TANGENT rows are added here.
     """
     for i in range(unit.shape[0]):
         complete_row(i, direction, unit[i], best, record)
@@ -206,19 +201,12 @@ def name_points(origin, direction, object_id, position, reach, column, rounding,
 
     With the departures, the columns that follow are filled as for rays that see all objects.
 
-    Parameters
-    ----------
-    origin, direction : (n, 3) float64
-    object_id : (n,) int32
-        Negative: the ray names no point.
-    position : (n, 3) float64
-    reach : (objects,) float64
-        The largest number from which each object's points are computed.
-    column : int
-        0 for departures, 2 for targets.
-    rounding, most : float
-        Rounding of a point, and the largest distance from the ray that is still taken for
-        rounding, both over the size of its coordinates.
+    ``origin``, ``direction`` (n, 3); ``position`` (n, 3).
+    ``object_id`` (n,) int32: negative: the ray names no point.
+    ``reach`` (objects,): the largest number from which each object's points are computed.
+    ``column``: 0 for departures, 2 for targets.
+    ``rounding``, ``most``: rounding of a point, and the largest distance from the ray that is still
+    taken for rounding, both over the size of its coordinates.
     """
     for i in range(object_id.size):
         if column == 0:
