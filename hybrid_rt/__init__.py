@@ -15,6 +15,7 @@ _HOMES = {
     "CadModel": "cad.model",
     "Camera": "sensor.camera",
     "CheckerTexture": "textures",
+    "Closeness": "distance",
     "ClosestPoint": "distance",
     "ClosestRecord": "distance",
     "Crossings": "intersection.crossings",
