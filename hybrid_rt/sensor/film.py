@@ -1,7 +1,5 @@
 """The film: passes are summed by groups; the noise is estimated from the groups' differences."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

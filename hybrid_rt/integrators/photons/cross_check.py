@@ -11,8 +11,6 @@ Where lobes are so narrow that photons, too, would miss what the camera sees of 
 last lobe before the camera is widened. All else is unbiased but for the blur of photons seen in mirrors.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What a report says of photons, and of the light that they alone find."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from hybrid_rt.core.plain_records import absent
