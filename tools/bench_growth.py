@@ -2,9 +2,9 @@
 
 python tools/bench_growth.py [--most 100000] [--rays 100000] [--out growth.json]
 
-Each row names a kind of scene. Its things stand on a cubic grid, 1.2 sizes apart, and rays run through
+Each table is of a kind of scene. Its things stand on a cubic grid, 1.2 sizes apart, and rays run through
 random points of the grid: so at each N as many things lie along a ray as at any other, up to the cube root of
-N. Seconds are those of the processor, the least of three rounds in which N take turns.
+N. Or a thing stands on a floor N times as large, and rays run through the thing. Seconds are those of the processor, the least of three rounds in which N take turns.
 """
 
 import argparse
@@ -16,14 +16,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
 
-from hybrid_rt import Instances, Intersector, Sphere
+from hybrid_rt import Box, Instances, Intersector, Sphere, SurfaceOfRevolution, Torus, TriangleMesh
 from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.demo import teapot
+from meshing import BezierPatches
 
 ROUNDS = 3
 PITCH = 1.2
+# A profile near a circle of radius 0.4, (axial, radius); and a net about as large.
+BALL = np.array([[(-0.4, 0.0), (-0.4, 0.53), (0.4, 0.53), (0.4, 0.0)]])
+BUMP = np.stack(
+    [*np.meshgrid(*2 * [np.linspace(-0.4, 0.4, 4)], indexing="ij"), np.zeros((4, 4))], -1
+)
+BUMP[1:3, 1:3, 2] = 0.5
 
 
 def places(n: int, size: float) -> FloatArray:
@@ -39,6 +47,33 @@ def spheres(n: int) -> list[Any]:
     return [Sphere(at, 0.4) for at in places(n, 1.0)]
 
 
+def five_kinds(n: int) -> list[Any]:
+    """Return things of five kinds in turn, each about as large as a ball of `spheres`."""
+    made: list[Callable[[FloatArray], Any]] = [
+        lambda at: Sphere(at, 0.4),
+        lambda at: Box(at - 0.33, at + 0.33),
+        lambda at: Torus(at, (0, 0, 1), 0.3, 0.15),
+        lambda at: SurfaceOfRevolution(BALL, at, (0, 0, 1)),
+        lambda at: BezierPatches([BUMP + at]),
+    ]
+    return [made[k % 5](at) for k, at in enumerate(places(n, 1.0))]
+
+
+def pot_on_patch(n: int) -> list[Any]:
+    """Return a teapot, and a floor of the same kind that is n times as large."""
+    pot = teapot()
+    return [pot, BezierPatches([n * pot.size * BUMP[:, :, [0, 1, 1]] * (1, 1, 0) - (0, 0, 0.01)])]
+
+
+def faces_on_faces(n: int) -> list[Any]:
+    """Return one mesh: a ball, and two triangles n times as large below it."""
+    ball = trimesh.creation.icosphere(5, 1.0)
+    floor = n * np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]) - (0, 0, 1.5)
+    faces = np.concatenate([ball.faces, np.array([(0, 1, 2), (0, 2, 3)]) + len(ball.vertices)])
+    both = trimesh.Trimesh(np.concatenate([ball.vertices, floor]), faces, process=False)
+    return [TriangleMesh(both)]
+
+
 def teapots(n: int) -> list[Any]:
     """Return one teapot in many places, turned at random."""
     rng, surface = np.random.default_rng(1), teapot()
@@ -47,13 +82,23 @@ def teapots(n: int) -> list[Any]:
     return [Instances(surface, np.concatenate([turn, at[:, :, None]], axis=2))]
 
 
-ROWS: dict[str, Callable[[int], list[Any]]] = {"spheres": spheres, "instances": teapots}
+ROWS: dict[str, Callable[[int], list[Any]]] = {
+    "spheres": spheres,
+    "instances": teapots,
+    "five kinds": five_kinds,
+    "teapot on a floor N times as large": pot_on_patch,
+    "ball in one mesh with a floor N times as large": faces_on_faces,
+}
+# What rays run through, where that is not all of a scene: its corners.
+AIMED = {
+    "teapot on a floor N times as large": teapot().bounds,
+    "ball in one mesh with a floor N times as large": np.array([(-1.0, -1, -1), (1, 1, 1)]),
+}
 
 
-def rays_through(surfaces: list[Any], n: int) -> tuple[FloatArray, FloatArray]:
-    """Return rays from around the surfaces through points of their box."""
+def rays_through(bounds: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
+    """Return rays from around boxes (k, 2, 3) through points of the box of all of them."""
     rng = np.random.default_rng(2)
-    bounds = np.array([surface.bounds for surface in surfaces])
     low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
     away = rng.normal(size=(n, 3))
     away /= np.linalg.norm(away, axis=1)[:, None]
@@ -79,7 +124,8 @@ def measure(name: str, counts: list[int], n_rays: int) -> list[dict[str, float]]
     rows, tracers = [], []
     for n in counts:
         tracer, seconds, held = built(ROWS[name], n)
-        rays = rays_through(list(tracer.surfaces), n_rays)
+        bounds = np.array([surface.bounds for surface in tracer.surfaces])
+        rays = rays_through(AIMED.get(name, bounds).reshape(-1, 2, 3), n_rays)
         tracer.intersect(*rays)
         tracer.forget_counters()
         hits = tracer.intersect(*rays)
@@ -116,7 +162,7 @@ def main() -> int:
     )
     parser.add_argument("--most", type=one_or_more, default=100_000, help="the largest N")
     parser.add_argument("--rays", type=one_or_more, default=100_000, help="at each N")
-    parser.add_argument("--only", choices=sorted(ROWS), help="default: all")
+    parser.add_argument("--only", choices=sorted(ROWS), help="default: all", metavar="ROW")
     parser.add_argument("--out", type=Path, help="write the figures as JSON")
     args = parser.parse_args()
     counts = [10**k for k in range(10) if 10**k <= args.most]
@@ -135,10 +181,12 @@ def main() -> int:
                 )
             names = ("us a ray", "nodes a ray", "seconds to build", "bytes")
             print("exponents of N: " + ", ".join(f"{k} {slope(rows, k):.2f}" for k in names))
-    if {"spheres", "instances"} <= found.keys():
-        a, b = ([row["us a ray"] for row in found[k]] for k in ("instances", "spheres"))
-        grown = " ".join(f"{x / a[0] / (y / b[0]):.2f}" for x, y in zip(a, b, strict=True))
-        print(f"\ntime over that of N = 1, instances over spheres: {grown}")
+    if "spheres" in found:
+        b = [row["us a ray"] for row in found["spheres"]]
+        for other in ("instances", "five kinds"):
+            a = [row["us a ray"] for row in found.get(other, [])]
+            grown = " ".join(f"{x / y:.2f}" for x, y in zip(a, b, strict=False))
+            print(f"\n{other} over spheres: {grown}")
     return 0
 
 

@@ -6,12 +6,12 @@ from hybrid_rt.core.memory import available_bytes, bytes_in_words
 from hybrid_rt.rendering.channels import numbers_per_pixel
 from hybrid_rt.sensor.projection import Projection
 
-# Of each pixel: sums of four groups and of squares, one pass, the picture (as measured, 120); by
-# photons also the blur of each pixel and its squares (190). What ranks pixels by their error takes
-# 24 while no pass is traced.
-PER_PIXEL, PER_PIXEL_WITH_PHOTONS = 120, 190
-# Of each photon of a pass, with its share of the tree, where most arrive somewhere (80 to 105).
-PER_PHOTON = 80
+# Of each pixel, as measured: sums of four groups and of squares, one pass, the picture and its file (177);
+# by photons also the blur of each pixel and its squares, and points that wait for photons (340).
+PER_PIXEL, PER_PIXEL_WITH_PHOTONS = 175, 340
+# Of each photon of a pass, with its share of the tree, where most arrive somewhere: 173 by ppm, 228 by
+# a photon map.
+PER_PHOTON = 200
 # Passes whose photons exist at a time: while one is looked at the next is shot.
 PHOTON_SETS = 2
 
