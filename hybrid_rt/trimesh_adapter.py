@@ -222,8 +222,7 @@ class RayMeshIntersector:
         return found.hits[rank < most], found.ray[rank < most]
 
     def _number(self, hits: HitRecord) -> IdArray:
-        numbers: IdArray = self._first_piece[hits.object_id] + hits.patch_id
-        return numbers
+        return self._first_piece[hits.object_id] + hits.patch_id
 
 
 def _is_trimesh(part: Any) -> bool:

@@ -29,22 +29,18 @@ class Patches(Protocol):
     @property
     def pieces(self) -> Patches:
         """The patches, each with (u, v) in the unit square."""
-        ...
 
     @property
     def spans(self) -> FloatArray | None:
         """(k, 4): u0, u1, v0, v1 of each patch on a sheet; None: they are `pieces` themselves."""
-        ...
 
     def __len__(self) -> int:
         """Return the number of patches."""
-        ...
 
     def partials(
         self, u: FloatArray, v: FloatArray, patch_id: IdArray
     ) -> tuple[FloatArray, FloatArray]:
         """Return S_u and S_v, each (n, 3)."""
-        ...
 
 
 class AreaSampler(ABC):
@@ -112,8 +108,7 @@ class Weighted(CellSampler):
     def pdf_area(self, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
         """See `CellSampler`."""
         weight = self.weight[self.cell_of(patch_id, u, v)[0]]
-        density: FloatArray = weight * self._sampler.pdf_area(patch_id, u, v)
-        return density
+        return weight * self._sampler.pdf_area(patch_id, u, v)
 
 
 class Squares(AreaSampler):
@@ -183,14 +178,12 @@ class Grid(CellSampler):
             u, v = within_patch(self._spans, u, v, patch_id)
         stretch = stretch_of(self._surface, patch_id, u, v)
         # Where the surface collapses to a point there is no area to be found.
-        density: FloatArray = np.where(
+        return np.where(
             stretch > 0.0, self._share[cell] * self._cells**2 / np.maximum(stretch, 1e-300), 0.0
         )
-        return density
 
 
 def stretch_of(surface: Patches, patch_id: IdArray, u: FloatArray, v: FloatArray) -> FloatArray:
     """Return |S_u x S_v|."""
     s_u, s_v = surface.partials(u, v, patch_id)
-    stretch: FloatArray = np.linalg.norm(np.cross(s_u, s_v), axis=1)
-    return stretch
+    return np.linalg.norm(np.cross(s_u, s_v), axis=1)

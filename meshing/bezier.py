@@ -67,8 +67,7 @@ class BezierPatches(ParametricSurface):
         """Make `RationalPatches` where weights differ."""
         del control
         kind: Any = RationalPatches if cls is BezierPatches and is_rational(weights) else cls
-        made: Self = super().__new__(kind)
-        return made
+        return super().__new__(kind)
 
     def __init__(
         self,

@@ -180,8 +180,7 @@ def _of_rational(net: FloatArray) -> tuple[float, float, float]:
 
 def _rate(net: FloatArray) -> FloatArray:
     """Return the Bezier points of a derivative."""
-    rate: FloatArray = (len(net) - 1) * np.diff(net, axis=0)
-    return rate
+    return (len(net) - 1) * np.diff(net, axis=0)
 
 
 def _product(one: FloatArray, other: FloatArray) -> FloatArray:

@@ -94,8 +94,7 @@ def unit(vector: FloatArray, what: str) -> FloatArray:
     if largest == 0.0:
         raise ValueError(f"{what} is the zero vector: pass a direction")
     scaled = vector / math.ldexp(1.0, math.frexp(largest)[1] - 1)
-    result: FloatArray = scaled / math.sqrt(scaled @ scaled)
-    return result
+    return scaled / math.sqrt(scaled @ scaled)
 
 
 def still_unit(vector: FloatArray, what: str) -> FloatArray:
@@ -108,8 +107,7 @@ def units(vectors: FloatArray) -> FloatArray:
     largest = np.abs(vectors).max(axis=1, initial=0.0)
     # By a power of two first, so that no square overflows or vanishes.
     scaled = np.ldexp(vectors, -np.frexp(largest)[1][:, None])
-    directions: FloatArray = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
-    return directions
+    return scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
 
 
 def as_direction(value: ArrayLike, what: str) -> FloatArray:

@@ -127,8 +127,7 @@ def pieces_of(net: FloatArray) -> FloatArray:
     for _ in range(BOX_HALVINGS):
         pieces = [half for piece in pieces for half in halve_curve(piece)]
     points = np.concatenate(pieces)
-    plain: FloatArray = points[:, :2] / points[:, 2:]
-    return plain
+    return points[:, :2] / points[:, 2:]
 
 
 def check_segments(segments: Sequence[FloatArray], weights: Sequence[FloatArray | None]) -> None:

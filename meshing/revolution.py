@@ -351,10 +351,7 @@ class SurfaceOfRevolution(ParametricSurface):
         if (begin, end) == (0.0, 1.0):
             return u
         # So that both ends are where they were said to be.
-        turns: FloatArray = np.where(
-            u <= 0.5, begin + u * (end - begin), end - (1.0 - u) * (end - begin)
-        )
-        return turns
+        return np.where(u <= 0.5, begin + u * (end - begin), end - (1.0 - u) * (end - begin))
 
     def _normals(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
         out, is_degenerate = np.empty((u.size, 3)), np.empty(u.size, np.bool_)

@@ -40,8 +40,7 @@ class Seams:
     def corners_apart(self) -> NDArray[np.int64]:
         """(k,) int64: number of distinct corners of each piece."""
         labels = np.sort(self.corner.reshape(-1, 4), axis=1)
-        count: NDArray[np.int64] = 1 + (np.diff(labels, axis=1) != 0).sum(axis=1)
-        return count
+        return 1 + (np.diff(labels, axis=1) != 0).sum(axis=1)
 
 
 def seams_of_patches(surface: BezierPatches) -> Seams:
@@ -101,8 +100,7 @@ def _kinds_of_weights(
         rows[has, 1 + k] = w
     ratios = rows[:, 1:] / rows[:, 1:2]
     rows[:, 1:] = np.where(rows[:, 1:] < 0.0, -1.0, np.float32(ratios))
-    kinds: NDArray[np.int64] = np.unique(rows, axis=0, return_inverse=True)[1].reshape(-1)
-    return kinds
+    return np.unique(rows, axis=0, return_inverse=True)[1].reshape(-1)
 
 
 def seams_of_revolution(surface: SurfaceOfRevolution) -> Seams:
@@ -175,5 +173,4 @@ def _collapsed(
     for k in range(1, int(degree.max()) + 1):
         row = first + np.minimum(k, degree) * step
         extent = np.maximum(extent, np.abs(control[row] - control[first]).max(axis=1))
-    result: NDArray[np.bool_] = extent <= tolerance
-    return result
+    return extent <= tolerance

@@ -21,7 +21,4 @@ def across(
 ) -> tuple[FloatArray, FloatArray]:
     """Convert parameters of patches to those of the sheet; borders stay where they are."""
     u0, u1, v0, v1 = np.moveaxis(spans[patch_id], -1, 0)
-    return (
-        np.where(u == 1.0, u1, u0 + u * (u1 - u0)),
-        np.where(v == 1.0, v1, v0 + v * (v1 - v0)),
-    )
+    return (np.where(u == 1.0, u1, u0 + u * (u1 - u0)), np.where(v == 1.0, v1, v0 + v * (v1 - v0)))

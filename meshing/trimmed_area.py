@@ -37,11 +37,9 @@ class Trimmed(Patches, Protocol):
 
     def sides(self, boxes: FloatArray) -> NDArray[np.uint8]:
         """Tell on which side of the loops boxes (k, 4) u0, u1, v0, v1 are."""
-        ...
 
     def contains(self, u: FloatArray, v: FloatArray) -> tuple[BoolArray, BoolArray]:
         """Tell which (u, v) are inside the loops, and which are undecided."""
-        ...
 
 
 class _Cells(NamedTuple):
@@ -126,12 +124,11 @@ class TrimmedCells(CellSampler):
         cell, is_in, u, v = self._find(patch_id, u, v)
         stretch = stretch_of(self._surface, patch_id, u, v)
         # Where the surface collapses to a point there is no area to be found.
-        density: FloatArray = np.where(
+        return np.where(
             is_in & (stretch > 0.0),
             self._share[cell] * 4.0 ** self._cells.level[cell] / np.maximum(stretch, 1e-300),
             0.0,
         )
-        return density
 
     def _find(
         self, patch_id: IdArray, u: FloatArray, v: FloatArray

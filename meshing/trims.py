@@ -39,10 +39,8 @@ class Piece(NamedTuple):
 def as_loops(loops: Iterable[Iterable[Curve2]]) -> tuple[tuple[Curve2, ...], ...]:
     """Check loops, close the small gaps in them, and return them.
 
-    Raises
-    ------
-    ValueError, TypeError
-        Where there is none, one is empty or open, or is made of something else.
+    Raises ValueError or TypeError: Where there is none, one is empty or open, or is made of
+    something else.
     """
     if isinstance(loops, Curve2 | str | bytes) or not isinstance(loops, Iterable):
         raise TypeError(f"TrimmedSurface loops is {shown(loops)}: pass a list of lists of Curve2")

@@ -174,5 +174,4 @@ def _angles(surfaces: Sequence[Any], true: HitRecord, found: HitRecord) -> Float
     rows = np.array([s.is_freeform for s in surfaces])[true.object_id]
     across = np.linalg.norm(np.cross(found.normal[rows], true.normal[rows]), axis=1)
     along = np.einsum("ij,ij->i", found.normal[rows], true.normal[rows])
-    angles: FloatArray = np.degrees(np.arctan2(across, along))
-    return angles
+    return np.degrees(np.arctan2(across, along))

@@ -8,7 +8,6 @@ leaves the surface the next triangle is tried.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import singledispatch
 
 import numpy as np
 
@@ -133,38 +132,28 @@ Row = tuple[FloatArray, tuple[int, int], FloatArray]
 """Points, degrees (-1 in u for a profile) and frame of one piece."""
 
 
-@singledispatch
-def _rows(surface: Surface, _middle: FloatArray) -> list[Row]:
+def _rows(surface: Surface, middle: FloatArray) -> list[Row]:
     """Return the pieces of a surface about a point."""
-    raise TypeError(f"a {type(surface).__name__} has no control points")
-
-
-@_rows.register(BezierPatches)
-def _patches(surface: BezierPatches, middle: FloatArray) -> list[Row]:
-    return [
-        (net.reshape(-1, 3) - middle, (net.shape[0] - 1, net.shape[1] - 1), np.zeros(12))
-        for net in surface.patches
-    ]
-
-
-@_rows.register(RationalPatches)
-def _rational_patches(surface: RationalPatches, _middle: FloatArray) -> list[Row]:
-    raise TypeError(f"{surface!r} is rational: pass polynomial patches, steps are counted on these")
-
-
-@_rows.register(SurfaceOfRevolution)
-def _profiles(surface: SurfaceOfRevolution, middle: FloatArray) -> list[Row]:
+    if isinstance(surface, RationalPatches):
+        raise TypeError(
+            f"{surface!r} is rational: pass polynomial patches, steps are counted on these"
+        )
+    if isinstance(surface, BezierPatches):
+        return [
+            (net.reshape(-1, 3) - middle, (net.shape[0] - 1, net.shape[1] - 1), np.zeros(12))
+            for net in surface.patches
+        ]
+    if not isinstance(surface, SurfaceOfRevolution):
+        raise TypeError(f"a {type(surface).__name__} has no control points")
     if surface.is_rational or not surface.is_whole_turn:
         raise TypeError(
             f"{surface!r} is rational or a part of a turn: pass whole turns of plain profiles, steps are "
             "counted on these"
         )
-    vectors = (surface.origin - middle, surface.axis, surface.radial, surface.binormal)
+    frame = np.concatenate(
+        (surface.origin - middle, surface.axis, surface.radial, surface.binormal)
+    )
     return [
-        (
-            np.column_stack([segment, np.zeros(len(segment))]),
-            (-1, len(segment) - 1),
-            np.concatenate(vectors),
-        )
+        (np.column_stack([segment, np.zeros(len(segment))]), (-1, len(segment) - 1), frame)
         for segment in surface.segments
     ]

@@ -66,8 +66,7 @@ def silhouettes(
 
 def unit(vectors: FloatArray) -> FloatArray:
     """Scale rows to length one."""
-    scaled: FloatArray = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-    return scaled
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
 def named(name: str, origins: FloatArray, directions: FloatArray) -> RaySet:

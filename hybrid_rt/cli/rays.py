@@ -123,8 +123,7 @@ def _as_rays(file: Path) -> FloatArray:
         raise ValueError(
             f"rays {str(file)!r} holds {shape or 'several arrays'}: pass numbers (n, 6), origin and direction"
         )
-    found: FloatArray = rays
-    return found
+    return rays
 
 
 def _columns(hits: HitRecord, model: CadModel | None) -> Columns:

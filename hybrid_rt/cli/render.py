@@ -36,8 +36,7 @@ class _Asked:
     @property
     def store(self) -> Path | None:
         """The folder of the store."""
-        folder: Path | None = self.request["store"]
-        return folder
+        return self.request["store"]
 
 
 def render_scene(

@@ -51,44 +51,43 @@ examples:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what ``hybrid-rt study`` takes."""
-    parser.add_argument("source", nargs="?", metavar="SCENE.py | surface FILE.bpt")
-    parser.add_argument("file", nargs="?", type=Path, help=argparse.SUPPRESS)
-    parser.add_argument("--out", type=Path, metavar="DIR")
-    parser.add_argument("--quick", action="store_true", help="small, few passes, one run")
-    parser.add_argument(
+    add = parser.add_argument
+    add("source", nargs="?", metavar="SCENE.py | surface FILE.bpt")
+    add("file", nargs="?", type=Path, help=argparse.SUPPRESS)
+    add("--out", type=Path, metavar="DIR")
+    add("--quick", action="store_true", help="small, few passes, one run")
+    add(
         "--only",
         choices=("pictures", "hits"),
         help="of a scene; default: pictures, then first hits",
     )
-    parser.add_argument("--compare", nargs=2, type=Path, metavar=("A.json", "B.json"))
-    target = parser.add_mutually_exclusive_group()
-    target.add_argument("--target", type=float, default=0.01, help="relative RMSE (default 0.01)")
-    target.add_argument(
+    add("--compare", nargs=2, type=Path, metavar=("A.json", "B.json"))
+    either = parser.add_mutually_exclusive_group().add_argument
+    either("--target", type=float, default=0.01, help="relative RMSE (default 0.01)")
+    either(
         "--target-trimmed",
         type=float,
         metavar="E",
         help="instead: without the worst 0.1 %% of the pixels, which are left out of all errors",
     )
-    parser.add_argument(
+    add(
         "--reference",
         type=Path,
         help="a picture (.npz or .exr) instead of ours, which is then neither made nor checked",
     )
-    parser.add_argument(
+    add(
         "--reference-by",
         choices=REFERENCES,
         help="checked by the other one; default: the one that states the smaller error",
     )
-    parser.add_argument("--integrators", nargs="+", metavar="I", help="default: all that can")
-    parser.add_argument(
-        "--certified-only", action="store_true", help="no meshes and no uncertified hits"
-    )
-    parser.add_argument(
+    add("--integrators", nargs="+", metavar="I", help="default: all that can")
+    add("--certified-only", action="store_true", help="no meshes and no uncertified hits")
+    add(
         "--meshes-by",
         metavar="I",
         help="integrator; default: the one with the least noise in a time",
     )
-    parser.add_argument(
+    add(
         "--photons",
         type=one_or_more,
         nargs="+",
@@ -96,10 +95,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="of a pass; not of the reference",
     )
-    parser.add_argument(
-        "--alphas", type=float, nargs="+", default=(), metavar="A", help="of ppm (default 2/3)"
-    )
-    parser.add_argument(
+    add("--alphas", type=float, nargs="+", default=(), metavar="A", help="of ppm (default 2/3)")
+    add(
         "--light-paths",
         type=float,
         nargs="+",
@@ -107,30 +104,24 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="of path, per camera ray (default 0.5)",
     )
-    parser.add_argument(
+    add(
         "--reference-passes",
         type=one_or_more,
         help="default 1024, quick 128; a second method makes a quarter as many, or as many as take as long, and "
         "the better picture is the reference",
     )
-    work = parser.add_mutually_exclusive_group()
-    work.add_argument(
-        "--passes", type=one_or_more, nargs="+", help="default 1 4 16 64, quick 1 4 16"
-    )
-    work.add_argument(
+    until = parser.add_mutually_exclusive_group().add_argument
+    until("--passes", type=one_or_more, nargs="+", help="default 1 4 16 64, quick 1 4 16")
+    until(
         "--seconds",
         type=float,
         metavar="S",
         help="instead: 1, 4, 16 ... passes of each method until a render takes about S seconds",
     )
-    parser.add_argument("--runs", type=one_or_more, help="default 3, quick 1")
-    parser.add_argument(
-        "--width", type=one_or_more, help="default: that of the scene, at most 240, quick 120"
-    )
-    parser.add_argument(
-        "--rays", type=one_or_more, help="of first hits; default 100000, quick 20000"
-    )
-    parser.add_argument("--threads", type=one_or_more)
+    add("--runs", type=one_or_more, help="default 3, quick 1")
+    add("--width", type=one_or_more, help="default: that of the scene, at most 240, quick 120")
+    add("--rays", type=one_or_more, help="of first hits; default 100000, quick 20000")
+    add("--threads", type=one_or_more)
 
 
 def run(args: argparse.Namespace) -> None:
@@ -277,11 +268,7 @@ def _show(
 
 
 def _show_picture(
-    study: PictureStudy,
-    name: str,
-    full_size: tuple[int, int] | None,
-    target: float,
-    shown: Study,
+    study: PictureStudy, name: str, full_size: tuple[int, int] | None, target: float, shown: Study
 ) -> dict[str, Any]:
     """Add a picture study to what is shown; return its figures."""
     advice = advise(study, target, name, full_size)

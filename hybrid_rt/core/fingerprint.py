@@ -46,10 +46,8 @@ def fingerprint(value: Any) -> str:
     installed packages the file counts; of Python, of this package and of those below it the name,
     as their versions are compared otherwise.
 
-    Raises
-    ------
-    TypeError
-        For objects that pickle refuses as well, such as open files; also if functions name them.
+    Raises TypeError for objects that pickle refuses as well, such as open files; also if functions
+    name them.
     """
     digest = _Digest()
     _add(value, digest, ())

@@ -39,10 +39,8 @@ _is_helper = False
 def want(tasks: Callable[[], Iterable[Task]]) -> None:
     """Announce small tasks that call the kernels which this process will need.
 
-    Parameters
-    ----------
-    tasks : bound method without arguments
-        Asked for them when a kernel is missing, if its object lives still.
+    ``tasks``, bound method without arguments: asked for them when a kernel is missing, if its
+    object lives still.
     """
     if _is_helper or not _is_python(sys.executable) or _most_helpers() < 2:
         return

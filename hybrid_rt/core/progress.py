@@ -43,14 +43,9 @@ class Progress(Protocol):
 class CompileWatch:
     """Measures the seconds during which at least one kernel is being compiled.
 
-    Parameters
-    ----------
-    progress : Progress or None
-        Called when compilation takes long, and while it does.
-    is_logged : bool
-        Whether that is logged as well, once, as information.
-    announce_after : float, optional
-        Seconds of compilation before the first message.
+    ``progress``: called when compilation takes long, and while it does.
+    ``is_logged``: whether that is logged as well, once, as information.
+    ``announce_after``: seconds of compilation before the first message.
     """
 
     def __init__(
@@ -202,12 +197,8 @@ def watch_compilation(
 
     Kernels loaded from the cache do not count. Of blocks within each other only the outermost logs.
 
-    Parameters
-    ----------
-    progress : Progress, optional
-    tells : bool
-        False: nobody hears of it by way of this block, so that `warn_of_compilation` does what it does
-        outside.
+    ``tells``: False: nobody hears of it by way of this block, so that `warn_of_compilation` does
+    what it does outside.
     """
     from numba.core import event
 

@@ -288,11 +288,10 @@ class SurfaceLight:
                 media = media.copy()
                 take_media_toward(hits.normal, shading.directions, to_light, shading.beyond, media)
             weaken_by_ways(media, scene.lobes, to_light, light < scene.n_lights, value)
-        n_rays: int = pack_shadow_rays(
+        return pack_shadow_rays(
             camera_ray, throughput, hits.object_id, hits.position, light, scene.surface_of_light,
             to_light, value, rays,
         )  # fmt: skip
-        return n_rays
 
     def add_unblocked(self, rays: ShadowRays, n_rays: int, radiance: FloatArray) -> None:
         """Trace shadow rays; add the values of the unoccluded ones.
@@ -385,5 +384,4 @@ def shadow_rays(n: int) -> ShadowRays:
 
 def largest_channel(color: FloatArray) -> FloatArray:
     """Return the largest channel of each row, (n,); much faster than a maximum along an axis."""
-    largest: FloatArray = np.maximum(np.maximum(color[:, 0], color[:, 1]), color[:, 2])
-    return largest
+    return np.maximum(np.maximum(color[:, 0], color[:, 1]), color[:, 2])

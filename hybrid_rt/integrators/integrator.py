@@ -36,18 +36,13 @@ def place_of_pixel(name: UIntArray) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class CameraBlock:
-    """Camera rays: consecutive pixels of consecutive passes.
+    """Camera rays: consecutive pixels of consecutive passes."""
 
-    Attributes
-    ----------
-    pixel, sample : (n,) uint64
-        Keys of their random numbers: the pixel index, with the pass's group in the high bits, and
-        the index of the pass in its group (see `hybrid_rt.sensor.passes.group_of`).
-    origins, directions : (n, 3) float64
-    """
-
+    # (n,) uint64: keys of their random numbers: the pixel index, with the pass's group in the high
+    # bits, and the index of the pass in its group (see `hybrid_rt.sensor.passes.group_of`)
     pixel: UIntArray
     sample: UIntArray
+    # (n, 3)
     origins: FloatArray
     directions: FloatArray
 

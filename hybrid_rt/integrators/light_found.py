@@ -88,11 +88,8 @@ def letters_of_lights(scene: CompiledScene) -> NDArray[np.str_]:
 def left_out(found: str, paths: Iterable[str]) -> list[str]:
     """Return a sentence for each kind of path that is not found, with the shortest as examples.
 
-    Parameters
-    ----------
-    found : str
-        Regular expression of the paths that are found.
-    paths : iterable of str
+    ``paths``, iterable of str.
+    ``found``: regular expression of the paths that are found.
     """
     missing: dict[str, list[str]] = {}
     others: dict[str, list[str]] = {}

@@ -16,16 +16,9 @@ from hybrid_rt.shading.kernels.light_kinds import LightPoints
 def leaving_points(scene: CompiledScene, light_id: IntArray, xi: FloatArray) -> LightPoints:
     """Sample points by area, where photons and light paths begin.
 
-    Parameters
-    ----------
-    scene : CompiledScene
-    light_id : (n,) int32
-    xi : (n, 2) float64 in [0, 1)
-
-    Returns
-    -------
-    LightPoints of n rows
-        Zero for lights of other kinds; no rows if the scene has no light of kind `SURFACE`.
+    ``light_id`` (n,) int32; ``xi`` (n, 2) in [0, 1).
+    Returns LightPoints of n rows: zero for lights of other kinds; no rows if the scene has no light
+    of kind `SURFACE`.
     """
     return _points(scene, light_id, lambda light, rows: light.points(xi[rows]))
 
@@ -39,11 +32,8 @@ def seen_points(
 ) -> LightPoints:
     """Sample points as seen from hits, for next-event estimation; else as `leaving_points`.
 
-    Parameters
-    ----------
-    seen_from : (n, 3) float64
-    material : (n,) int32
-        Hits of material `NOTHING`, misses as well, get no point.
+    ``seen_from`` (n, 3).
+    ``material`` (n,) int32: hits of material `NOTHING`, misses as well, get no point.
     """
     asked = np.where(material == NOTHING, np.int32(NOTHING), light_id)
     return _points(scene, asked, lambda light, rows: light.seen_points(seen_from[rows], xi[rows]))
@@ -59,20 +49,11 @@ def pdf_area_of_hits(
 ) -> FloatArray:
     """Return the pdf per area of hits on lights, to weigh them against other techniques.
 
-    Parameters
-    ----------
-    scene : CompiledScene
-    hits : HitRecord of n rows
-    light_id : (n,) int32
-    seen_from : (n, 3) float64
-        Origins of the rays.
-    is_asked, has_left : (n,) bool
-        Which hits to weigh as `seen_points`, and which as `leaving_points`.
-
-    Returns
-    -------
-    (n,) float64
-        0 for other rows; no rows if the scene has no light of kind `SURFACE`.
+    ``hits``, HitRecord of n rows; ``light_id`` (n,) int32.
+    ``seen_from`` (n, 3): origins of the rays.
+    ``is_asked``, ``has_left`` (n,) bool: which hits to weigh as `seen_points`, and which as
+    `leaving_points`.
+    Returns (n,): 0 for other rows; no rows if the scene has no light of kind `SURFACE`.
     """
     density = np.zeros(light_id.size if scene.shining else 0)
     for number in np.intersect1d(light_id, list(scene.shining)).tolist():

@@ -17,32 +17,18 @@ NO_RATIO, NO_MEDIA = np.zeros(0), np.zeros((0, 0), dtype=np.int32)
 
 @dataclass(frozen=True)
 class Shading:
-    """Hits with all that shading needs: normals, material, lobe colours, media.
+    """Hits with all that shading needs: normals, material, lobe colours, media."""
 
-    Attributes
-    ----------
-    hits : HitRecord of n rows
-        ``normal`` is the shading normal.
-    directions : (n, 3) float64
-        Directions of the incoming rays.
-    material : (n,) int32
-    colors : (n, most lobes of a material, 3) float64
-    geometric : (n, 3) float64, or (0, 3)
-        Geometric normals, if they differ from the shading normals.
-    ratio : (n,) float64, or (0,)
-        Refractive index beyond the surface over that before it, where rough glass transmits; else
-        0. Empty if the scene has no rough glass.
-    beyond : (n, STACK) int32, or (0, 0)
-        Medium stacks of rays transmitted there.
-    """
-
-    hits: HitRecord
-    directions: FloatArray
-    material: IntArray
-    colors: FloatArray
+    hits: HitRecord  # HitRecord of n rows: ``normal`` is the shading normal
+    directions: FloatArray  # (n, 3): directions of the incoming rays
+    material: IntArray  # (n,) int32
+    colors: FloatArray  # (n, most lobes of a material, 3)
+    # (n, 3), or (0, 3): geometric normals, if they differ from the shading normals
     geometric: FloatArray
+    # (n,), or (0,): refractive index beyond the surface over that before it, where rough glass
+    # transmits; else 0. Empty if the scene has no rough glass.
     ratio: FloatArray
-    beyond: IntArray
+    beyond: IntArray  # (n, STACK) int32, or (0, 0): medium stacks of rays transmitted there
 
     @property
     def vertices(self) -> Vertices:

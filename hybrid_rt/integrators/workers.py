@@ -44,22 +44,16 @@ class Blur:
 
     As for noise (`hybrid_rt.sensor.film.Film`), the relative figures divide each square by
     x^2 + 0.01.
-
-    Attributes
-    ----------
-    absolute, relative : float or None
-        Estimates; None if not above their own noise.
-    absolute_at_most, relative_at_most : float or None
-        Upper limits at about 95 % confidence; None if unknown.
-    of_mean, of_mean_error : float or None
-        By how much the image mean is too bright (too dark, if negative), and the standard error of that
-        estimate; None if unknown.
     """
 
+    # Estimates; None if not above their own noise
     absolute: float | None
+    # Upper limits at about 95 % confidence; None if unknown
     absolute_at_most: float | None
     relative: float | None
     relative_at_most: float | None
+    # By how much the image mean is too bright (too dark, if negative), and the standard error of
+    # that estimate; None if unknown
     of_mean: float | None
     of_mean_error: float | None
 
@@ -86,36 +80,21 @@ NO_BLUR, UNKNOWN_BLUR = Blur(*(0.0,) * 6), Blur(*(None,) * 6)
 
 @dataclass(frozen=True)
 class Pass:
-    """What one pass brings.
+    """What one pass brings."""
 
-    Attributes
-    ----------
-    radiance : (height, width, 3) float64
-        Means of the samples of each pixel: one, but for `PPMOptions` more if that pays.
-    blur_change : (height * width, 3) float64, optional
-        What the blur is estimated from.
-    """
-
+    # (height, width, 3): means of the samples of each pixel: one, but for `PPMOptions` more if that
+    # pays
     radiance: FloatArray
-    blur_change: FloatArray | None = None
+    blur_change: FloatArray | None = None  # (height * width, 3): what the blur is estimated from
 
 
 @dataclass(frozen=True)
 class Run:
-    """What the passes of a whole run bring together.
+    """What the passes of a whole run bring together."""
 
-    Attributes
-    ----------
-    total : (height, width, 3) float64
-        Sum of their radiances, in their order.
-    means : tuple of float
-        Of each, over the picture.
-    blur_change : (2, height * width, 3) float64, optional
-        Sums of what the blur is estimated from, and of its squares.
-    """
-
-    total: FloatArray
-    means: tuple[float, ...]
+    total: FloatArray  # (height, width, 3): sum of their radiances, in their order
+    means: tuple[float, ...]  # Of each, over the picture
+    # (2, height * width, 3): sums of what the blur is estimated from, and of its squares
     blur_change: FloatArray | None = None
 
 
@@ -124,43 +103,23 @@ Made = Pass | Run
 
 @dataclass(frozen=True)
 class Counts:
-    """What was counted while passes were made, in plain types.
+    """What was counted while passes were made, in plain types."""
 
-    Attributes
-    ----------
-    ledger : dict
-        That of `Ledger.as_dict`.
-    work : dict of int
-        Counters of the intersector.
-    coarse_seconds : float
-        What of the intersector's seconds was spent on coarse hits.
-    own : dict
-        What the integrator counts by itself.
-    """
-
-    ledger: dict[str, Any]
-    work: dict[str, int]
-    coarse_seconds: float
-    own: dict[str, Any]
+    ledger: dict[str, Any]  # That of `Ledger.as_dict`
+    work: dict[str, int]  # dict of int: counters of the intersector
+    coarse_seconds: float  # What of the intersector's seconds was spent on coarse hits
+    own: dict[str, Any]  # What the integrator counts by itself
 
 
 class Workers:
     """Integrators that run in parallel.
 
-    Parameters
-    ----------
-    context : RenderContext
-        Its tracer and sampler run in the calling thread.
-    threads : int
-    make : callable
-        Takes a context, returns an `Integrator`.
+    ``context``: its tracer and sampler run in the calling thread.
+    ``make``: takes a context, returns an `Integrator`.
     """
 
     def __init__(
-        self,
-        context: RenderContext,
-        threads: int,
-        make: Callable[[RenderContext], Integrator],
+        self, context: RenderContext, threads: int, make: Callable[[RenderContext], Integrator]
     ) -> None:
         self.context = context
         self._contexts = [_own_counters(context) for _ in range(threads)]

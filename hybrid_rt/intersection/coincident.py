@@ -21,14 +21,9 @@ def coincident_hits(
 ) -> HitRecord:
     """Return hits at the same points on other objects; misses where there is no other.
 
-    Parameters
-    ----------
-    tracer : Intersector
-    origins, directions : (n, 3) float64
-    hits : HitRecord of n rows
-        All of them hits, of these rays.
-    source : NamedPoints of n rows, optional
-        Surface points that the rays leave.
+    ``origins``, ``directions`` (n, 3).
+    ``hits``, HitRecord of n rows: all of them hits, of these rays.
+    ``source``, NamedPoints of n rows: surface points that the rays leave.
     """
     size = np.maximum(np.abs(origins), np.abs(hits.position)).max(axis=1, initial=0.0)
     slope = np.abs(np.einsum("ij,ij->i", directions, hits.normal))

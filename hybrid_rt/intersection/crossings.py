@@ -106,27 +106,13 @@ def find_crossings(
     crossed twice the same way, so near that coordinates round by more, is one crossing, of status
     TANGENT. A ray that is tangent to a surface without crossing it may have one row there.
 
-    Parameters
-    ----------
-    step : callable
-        Takes origins, directions, t_min, t_max, and t of the crossing behind which each search goes on
-        (None: of none).
-        Returns the first hits.
-    reach : (objects,) float64
-        The ``rounding_reach`` of each surface.
-    origins, directions, t_min, t_max : array-like
-        As `Intersector.intersect` takes them.
-
-    Returns
-    -------
-    Crossings
-
-    Raises
-    ------
-    ValueError
-        For shapes that do not fit.
-    RuntimeError
-        For a ray with more than `MOST_CROSSINGS` crossings.
+    ``step``: takes origins, directions, t_min, t_max, and t of the crossing behind which each
+    search goes on (None: of none). Returns the first hits.
+    ``reach`` (objects,): the ``rounding_reach`` of each surface.
+    ``origins``, ``directions``, ``t_min``, ``t_max``, array-like: as `Intersector.intersect` takes
+    them.
+    Raises ValueError for shapes that do not fit.
+    Raises RuntimeError for a ray with more than `MOST_CROSSINGS` crossings.
     """
     o, d, shape = as_rays(origins, directions)
     lowest, highest = as_limit(t_min, "t_min", shape), as_limit(t_max, "t_max", shape)
@@ -198,8 +184,7 @@ def _met_again(
 
 def _slopes(hits: HitRecord, directions: FloatArray) -> FloatArray:
     """Return the directions' parts along the normals; nan for misses."""
-    slopes: FloatArray = np.einsum("ij,ij->i", hits.normal, directions)
-    return slopes
+    return np.einsum("ij,ij->i", hits.normal, directions)
 
 
 def _rounding(hits: HitRecord, reach: FloatArray) -> FloatArray:

@@ -30,7 +30,14 @@ from hybrid_rt.intersection.crossings import Crossings, find_crossings
 from hybrid_rt.intersection.kernels.search.counters import COUNTER_NAMES, MOST_PIECES
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.rays import Record, complete_rows
-from hybrid_rt.intersection.kind import Finished, cleared_record, new_nearest, new_record, rows_of
+from hybrid_rt.intersection.kind import (
+    Finished,
+    cleared_record,
+    finished_part,
+    new_nearest,
+    new_record,
+    rows_of,
+)
 from hybrid_rt.intersection.kinds.closed_forms import closed_forms
 from hybrid_rt.intersection.kinds.registry import (
     ACCURACIES,
@@ -40,7 +47,7 @@ from hybrid_rt.intersection.kinds.registry import (
     make_kinds,
 )
 from hybrid_rt.intersection.limits import Limit
-from hybrid_rt.intersection.margins import Probing
+from hybrid_rt.intersection.margins import Probing, settle
 from hybrid_rt.intersection.ray_batch import Batch, make_batch
 from meshing.surface import Surface
 
@@ -51,7 +58,7 @@ if TYPE_CHECKING:
 # What is counted of each slice besides the work.
 COUNTED = ("rays", "hits", "tangent", "coarse_hits")
 COARSE_STAGES = ("embree", "none")
-_COLUMNS, _SLOTS = attrgetter(*Record._fields), attrgetter(*Finished._fields)
+_COLUMNS = attrgetter(*Record._fields)
 
 
 class Intersector:
@@ -250,7 +257,7 @@ class Intersector:
         """Find the first hit of each ray of a checked batch."""
         n = len(batch)
         record = new_record(n) if out is None else cleared_record(out, n)
-        columns, slots = Record(*_COLUMNS(record)), Finished(*_SLOTS(record))
+        columns, slots = Record(*_COLUMNS(record)), finished_part(record)
         tallies: list[FloatArray] = []
         watches: list[Stopwatch] = []
 
@@ -265,7 +272,7 @@ class Intersector:
             described = rows_of(slots, begin, end)
             self._finish(direct, rays, best, described)
             for number, kind in self._probing:
-                kind.settle(rays, best, self._kind_of, number, described, tally)
+                settle(kind, number, self._kind_of, rays, best, described, tally)
             limit.apply(best, described.flags)
             complete_rows(rays.direction, unit, best, rows_of(columns, begin, end), totals)
             tallies.append(tally)
@@ -393,8 +400,7 @@ class Intersector:
         rays, _, _ = make_batch(none, none, 0.0, np.inf, None, None, self._reach, self._pool).rows(
             0, 0
         )
-        best, record = new_nearest(np.empty(0)), new_record(0)
-        out = Finished(*_SLOTS(record))
+        best, out = new_nearest(np.empty(0)), finished_part(new_record(0))
         self._finish(self._direct_kinds(0), rays, best, out)
 
     def _finish(self, direct: Sequence[Any], rays: Rays, best: Nearest, out: Finished) -> None:

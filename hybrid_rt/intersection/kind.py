@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -25,6 +26,9 @@ class Finished(NamedTuple):
     residual: Any
 
 
+_FINISHED = attrgetter(*Finished._fields)
+
+
 class Kind(Protocol):
     """One kind of surface: finds roots for a slice of rays, and describes the first hits."""
 
@@ -44,7 +48,6 @@ class Kind(Protocol):
         work : (counters,) float64, changed
             Tally of `hybrid_rt.intersection.kernels.search.counters.COUNTER_NAMES`.
         """
-        ...
 
     def finish(
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
@@ -61,7 +64,6 @@ class Kind(Protocol):
             Index of this kind in ``kind_of``.
         out : Finished of n rows, changed
         """
-        ...
 
 
 class CurvedKind(Kind, Protocol):
@@ -70,12 +72,8 @@ class CurvedKind(Kind, Protocol):
     def guesses(self, coarse: Any, hits: CoarseHits) -> IntArray:
         """Return the initial guess for `trace` of each ray, (n,) int32; -1 for none.
 
-        Parameters
-        ----------
-        coarse : Coarse
-        hits : CoarseHits of n rows
+        ``hits``, CoarseHits of n rows.
         """
-        ...
 
     def refine(
         self,
@@ -88,18 +86,11 @@ class CurvedKind(Kind, Protocol):
     ) -> None:
         """Refine coarse hits of this kind and lower ``best[rows]`` to them.
 
-        Parameters
-        ----------
-        coarse : Coarse
-        hits : CoarseHits of k rows, none of them a miss
-        rows : (k,) int64
-            Indices of the hits' rays.
-        rays : Rays of n rows
-        best : Nearest of n rows, changed
-        accepted : (k,) bool, changed
-            Set where a root was accepted.
+        ``hits``, CoarseHits of k rows, none of them a miss; ``rays``, Rays of n rows; ``best``,
+        Nearest of n rows, changed.
+        ``rows`` (k,) int64: indices of the hits' rays.
+        ``accepted`` (k,) bool, changed: set where a root was accepted.
         """
-        ...
 
 
 def widen_bounds(
@@ -107,12 +98,8 @@ def widen_bounds(
 ) -> None:
     """Add to bounds of t what lies between a surface as it is traced and as it was given.
 
-    Parameters
-    ----------
-    moved : (primitives,) float64
-        Bound on their distance, world units.
-    rays, best, kind_of, kind, out
-        As for `Kind.finish`, after it.
+    ``moved`` (primitives,): bound on their distance, world units.
+    ``rays``, ``best``, ``kind_of``, ``kind``, ``out``: as for `Kind.finish`, after it.
     """
     rows = np.flatnonzero(best.object_id >= 0)
     rows = rows[kind_of[best.object_id[rows]] == kind]
@@ -154,6 +141,11 @@ def new_record(n: int) -> HitRecord:
         residual=np.empty(n),
         instance_id=_filled(n, -1, np.int32),
     )
+
+
+def finished_part(record: HitRecord) -> Finished:
+    """Return the columns that kinds fill."""
+    return Finished(*_FINISHED(record))
 
 
 def cleared_record(record: HitRecord, n: int) -> HitRecord:

@@ -22,20 +22,11 @@ PART_OF_LIMIT, PART_OF_SCENE = 2.0**-6, 2.0**-20
 class Limit:
     """The upper limits of n rays, where a search ends for them, and what that decides.
 
-    Parameters
-    ----------
-    t_max : (n,) float64
-        In lengths of the scaled directions, as all t here.
-    rays : Rays of n rows
-    reach : float
-        The largest coordinate of the surfaces.
-    is_limited : bool
-        Whether the caller has set any limit.
-
-    Attributes
-    ----------
-    searched : (n,) float64
-        Where the search ends; the search may change it.
+    ``rays``, Rays of n rows.
+    ``t_max`` (n,): in lengths of the scaled directions, as all t here.
+    ``reach``: the largest coordinate of the surfaces.
+    ``is_limited``: whether the caller has set any limit.
+    ``searched`` (n,): where the search ends; the search may change it.
     """
 
     def __init__(self, t_max: FloatArray, rays: Rays, reach: float, is_limited: bool) -> None:
@@ -50,12 +41,8 @@ class Limit:
     def apply(self, best: Nearest, flags: NDArray[np.uint8]) -> None:
         """Make hits beyond the limit misses; `WITHIN_BAND` is what their bounds allow on both sides.
 
-        Parameters
-        ----------
-        best : Nearest of n rows, changed
-            Described and settled.
-        flags : (n,) uint8, changed
-            Of the rows.
+        ``best``, Nearest of n rows, changed: described and settled.
+        ``flags`` (n,) uint8, changed: of the rows.
         """
         if not self._is_limited:
             return

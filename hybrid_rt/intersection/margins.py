@@ -9,22 +9,16 @@ needed. Few hits are near such places, so the cost is negligible.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol, runtime_checkable
+from collections.abc import Callable
+from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
-from hybrid_rt.intersection.kernels.search.nearest import (
-    CLEAR,
-    SUSPECT,
-    WITHIN_BAND,
-    Nearest,
-    Rays,
-)
+from hybrid_rt.intersection.kernels.search.nearest import CLEAR, SUSPECT, WITHIN_BAND, Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tolerances import CLEAR_CROSSING
-from hybrid_rt.intersection.kind import Finished, new_nearest, new_record
+from hybrid_rt.intersection.kind import Finished, Kind, finished_part, new_nearest, new_record
 from hybrid_rt.intersection.ray_batch import locked
 
 Rows = NDArray[np.int64]
@@ -53,92 +47,71 @@ class Aim(NamedTuple):
     is_edge: BoolArray  # (k,) bool: there is one border nearby, and nothing else
 
 
-# Given rays, of which rows they are, and by which (n, 3) lengths of the world to move them: traces them,
-# and lowers what is nearest.
-Retrace = Callable[[Rays, Rows, FloatArray, Nearest], None]
-# Fills a record of what was found.
-Describe = Callable[[Rays, Nearest, Finished], None]
+class Probes(NamedTuple):
+    """Displaced rays, k rows, and where they come from."""
+
+    rays: Rays  # where they were before
+    aside: FloatArray  # (k, 3) float64: by what to displace them, world units
+    before: Nearest  # what all rays of the slice have hit
+    rows: Rows  # (k,) which of these they are
+
+
+# Displaces rays, lowers what is nearest to them, and counts its work.
+Search: TypeAlias = Callable[[Probes, Nearest, FloatArray], None]
 
 
 @runtime_checkable
-class Probing(Protocol):
+class Probing(Kind, Protocol):
     """A kind of surface that leaves some of its hits `SUSPECT`."""
 
-    def settle(
-        self,
-        rays: Rays,
-        best: Nearest,
-        kind_of: IntArray,
-        kind: int,
-        out: Finished,
-        work: FloatArray,
-    ) -> None:
-        """Decide for the rows that are `SUSPECT` whether they are `WITHIN_BAND` or `CLEAR`.
+    @property
+    def frame(self) -> float:
+        """Size of all its surfaces, world units."""
 
-        Parameters
-        ----------
-        rays : Rays of n rows
-        best : Nearest of n rows, changed
-        kind_of : (objects,) int32
-        kind : int
-            Number of this kind in ``kind_of``.
-        out : Finished of n rows
-            Complete: all kinds have described their hits.
-        work : float64
-            Counters, to which the work of the displaced rays is added.
-        """
-        ...
+    @property
+    def searches(self) -> tuple[Search, ...]:
+        """Its search; before it what may find the hit with less work, if there is such a thing."""
 
-
-def suspects(best: Nearest, kind_of: IntArray, kind: int) -> Rows:
-    """Return the rows that are `SUSPECT` and whose hits are on a kind."""
-    rows: Rows = (best.tangent == SUSPECT).nonzero()[0]
-    return rows[kind_of[best.object_id[rows]] == kind] if len(rows) else rows
+    def aim(self, rays: Rays, best: Nearest, out: Finished, rows: Rows) -> Aim:
+        """Return where to displace the rays of some rows."""
 
 
 def settle(
-    rows: Rows,
+    kind: Probing,
+    number: int,
+    kind_of: IntArray,
     rays: Rays,
     best: Nearest,
     out: Finished,
-    aim: Aim,
-    frame: float,
-    searches: Sequence[Retrace],
-    describe: Describe,
+    work: FloatArray,
 ) -> None:
-    """Displace the rays of some rows by the band, and test whether they still hit.
+    """Decide for the `SUSPECT` rows of a kind whether they are `WITHIN_BAND` or `CLEAR`.
 
-    Parameters
-    ----------
-    rows : (k,) int64
-    rays, best, out
-        Of all rays; ``best`` is changed in these rows.
-    aim : Aim of k rows
-    frame : float
-        Size of all surfaces of the kind, world units.
-    searches : sequence of callable
-        The search of the hits' kind; before it what may find the hit with less work. Where one does not,
-        the next is asked.
-    describe : callable
+    Their rays are displaced by the band, and traced and described again: do they still hit? All kinds
+    have described their hits in ``out``; ``number`` is that of this kind in ``kind_of``.
     """
-    here = _rows_of(rays, rows)
+    rows: Rows = (best.tangent == SUSPECT).nonzero()[0]
+    rows = rows[kind_of[best.object_id[rows]] == number]
+    if not len(rows):
+        return
+    aim, here = kind.aim(rays, best, out, rows), _rows_of(rays, rows)
     t, t_bound, object_id = best.t[rows], best.t_bound[rows], best.object_id[rows]
     slope = _slopes(out.normal[rows], here)
     length = np.linalg.norm(here.direction, axis=1)
     grazes = slope < CLEAR_CROSSING * length
     across = np.cross(here.direction / length[:, None], aim.outward)
-    widest = WIDEST * frame
+    widest = WIDEST * kind.frame
     stays, moved = aim.band <= widest, np.zeros(len(rows))
 
-    def still_met(search: Retrace, k: Rows, aside: FloatArray) -> BoolArray:
+    def still_met(search: Search, k: Rows, aside: FloatArray) -> BoolArray:
         """Tell which rays, moved, meet the same surface as before; note how far t has moved."""
         if not len(k):
             return np.zeros(0, np.bool_)
         probes, band = _rows_of(here, k), aim.band[k]
         _widen(probes, band * np.maximum(1.0, 1.0 / length[k]))
         found, record = new_nearest(t[k] + 2.0 * widest / length[k]), new_record(len(k))
-        search(probes, rows[k], aside, found)
-        describe(probes, found, Finished(*(getattr(record, name) for name in Finished._fields)))
+        search(Probes(probes, aside, best, rows[k]), found, work)
+        kind.finish(probes, found, kind_of, number, finished_part(record))
         with np.errstate(all="ignore"):  # normals of misses are nothing
             slack = SAME * band * (1.0 / slope[k] + 1.0 / _slopes(record.normal, probes))
             slack += 2.0 * (t_bound[k] + found.t_bound)
@@ -148,6 +121,7 @@ def settle(
         np.maximum.at(moved, k[same], gap[same])
         return same
 
+    *quick, complete = kind.searches
     for across_edges, elsewhere in ((ACROSS, SOME), (NONE, REST)):
         sets = [(np.flatnonzero(stays & aim.is_edge), across_edges)]
         sets.append((np.flatnonzero(stays & ~aim.is_edge), elsewhere))
@@ -159,14 +133,14 @@ def settle(
         turn = turn * (2.0 * np.pi / DIRECTIONS)
         aside = aim.band[k, None] * (np.cos(turn) * aim.outward[k] + np.sin(turn) * across[k])
         left = np.arange(len(k))
-        for search in searches[:-1]:
+        for search in quick:
             left = left[~still_met(search, k[left], aside[left])]
         # Of rays that graze one that is lost is enough, mostly the first of those that are left.
         # Others are asked all the same: how far they move t counts.
         first = np.unique(k[left], return_index=True)[1]
         for some in (left[first], np.delete(left, first)):
             asked = some[stays[k[some]] | ~grazes[k[some]]]
-            stays[k[asked[~still_met(searches[-1], k[asked], aside[asked])]]] = False
+            stays[k[asked[~still_met(complete, k[asked], aside[asked])]]] = False
     best.tangent[rows] = np.where(stays, CLEAR, WITHIN_BAND)
     # At a crease, a pole or a bend the slope of one piece does not say how far t is off; this does.
     best.t_bound[rows] = np.maximum(t_bound, moved)
@@ -183,8 +157,7 @@ def _rows_of(rays: Rays, rows: Rows) -> Rays:
 
 
 def _slopes(normals: FloatArray, rays: Rays) -> FloatArray:
-    slopes: FloatArray = np.abs(np.einsum("ij,ij->i", normals, rays.direction))
-    return slopes
+    return np.abs(np.einsum("ij,ij->i", normals, rays.direction))
 
 
 def _widen(probes: Rays, more: FloatArray) -> None:

@@ -32,15 +32,9 @@ def in_frames(bounds: FloatArray, smallest: float = SMALL) -> list[NDArray[np.in
     A frame cannot tell apart what is small beside it: its trees are of float32. So what is small lies in
     frames of its own, one for each cluster, if few clusters hold all of it.
 
-    Parameters
-    ----------
-    bounds : (n, 2, 3) float64
-    smallest : float
-        What is smaller, over the extent of all, is small.
-
-    Returns
-    -------
-    list of index arrays, the rows of each group in rising order
+    ``bounds`` (n, 2, 3).
+    ``smallest``: what is smaller, over the extent of all, is small.
+    Returns list of index arrays, the rows of each group in rising order.
     """
     todo, groups = [np.arange(len(bounds))], list[NDArray[np.int64]]()
     size = np.linalg.norm(bounds[:, 1] - bounds[:, 0], axis=1)
@@ -90,21 +84,11 @@ def in_order(
 ) -> tuple[NDArray[np.int64], int, list[Members]]:
     """Return the order in which surfaces stand in a table, and what of it is in trees.
 
-    Parameters
-    ----------
-    surfaces : sequence of Surface
-        Bounded ones.
-    many : int
-        Number of surfaces from which on a tree is used.
-
-    Returns
-    -------
-    order : (n,) int64
-        Those first that are asked by all rays.
-    n_plain : int
-        How many these are.
-    in_trees : list of Members
-        The others, a tree for each frame.
+    ``surfaces``: bounded ones.
+    ``many``: number of surfaces from which on a tree is used.
+    Returns ``order`` (n,) int64: those first that are asked by all rays.
+    ``n_plain``: how many these are.
+    ``in_trees``: the others, a tree for each frame.
     """
     is_plain = asked_by_all(np.array([surface.size for surface in surfaces]), many)
     order, n_plain = np.argsort(~is_plain, kind="stable"), int(np.count_nonzero(is_plain))

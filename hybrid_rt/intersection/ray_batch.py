@@ -27,30 +27,21 @@ LARGEST = 1e150
 
 @dataclass(frozen=True)
 class Batch:
-    """Checked rays of a caller; `rows` converts a slice to the kernels' format.
+    """Checked rays of a caller; `rows` converts a slice to the kernels' format."""
 
-    Attributes
-    ----------
-    origin, direction : (n, 3) float64
-    t_min, t_max : (n,) or (1,) float64
-        In lengths of the given directions.
-    source, target : NamedPoints of n rows, or None
-        Points that rays leave and lead to; they are excluded as hits. Or ``source`` is
-        (n,) float64, the t of a crossing of each ray: the search goes on behind it, to no target.
-    reach : (objects,) float64
-        See `make_batch`.
-    unseen : (n,) int32, or None
-        An object that each ray ignores; -1: none.
-    """
-
+    # (n, 3)
     origin: FloatArray
     direction: FloatArray
+    # (n,) or (1,): in lengths of the given directions
     t_min: FloatArray
     t_max: FloatArray
+    # NamedPoints of n rows, or None: points that rays leave and lead to; they are excluded as hits.
+    # Or ``source`` is (n,) float64, the t of a crossing of each ray: the search goes on behind it,
+    # to no target.
     source: NamedPoints | FloatArray | None
     target: NamedPoints | None
-    reach: FloatArray
-    unseen: IntArray | None
+    reach: FloatArray  # (objects,): see `make_batch`
+    unseen: IntArray | None  # (n,) int32, or None: an object that each ray ignores; -1: none
 
     def __len__(self) -> int:
         """Return the number of rays."""
@@ -126,21 +117,12 @@ def make_batch(
 ) -> Batch:
     """Return checked rays.
 
-    Parameters
-    ----------
-    origins, directions, t_min, t_max, source, unseen
-        As `Intersector.intersect` takes them; ``source`` also as `Batch` does.
-    target : HitRecord or NamedPoints of n rows, optional
-        The points that rays lead to.
-    reach : (objects,) float64
-        The ``rounding_reach`` of each surface.
-    pool : Pool
-        Shares the work of checking.
-
-    Raises
-    ------
-    ValueError, TypeError
-        As `Intersector.intersect` does.
+    ``origins``, ``directions``, ``t_min``, ``t_max``, ``source``, ``unseen``: as
+    `Intersector.intersect` takes them; ``source`` also as `Batch` does.
+    ``target``, HitRecord or NamedPoints of n rows: the points that rays lead to.
+    ``reach`` (objects,): the ``rounding_reach`` of each surface.
+    ``pool``: shares the work of checking.
+    Raises ValueError or TypeError: As `Intersector.intersect` does.
     """
     origin, direction, shape = as_rays(origins, directions)
     origin, direction = locked(origin), locked(direction)
@@ -174,10 +156,7 @@ def as_rays(
 
     A single vector is broadcast against a batch of the other.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If the arrays are not real, or the shapes do not match.
+    Raises TypeError or ValueError if the arrays are not real, or the shapes do not match.
     """
     origin, direction = _vectors(origins, "origins"), _vectors(directions, "directions")
     shape, other = origin.shape[:-1], direction.shape[:-1]
@@ -197,10 +176,8 @@ def as_rays(
 def as_limit(value: ArrayLike, name: str, shape: tuple[int, ...]) -> FloatArray:
     """Return one limit per ray, (n,) float64, for a batch of a shape; (1,): one for all.
 
-    Raises
-    ------
-    ValueError, TypeError
-        If ``value`` is neither one number nor one per ray, or holds nan; ``name`` is named.
+    Raises ValueError or TypeError if ``value`` is neither one number nor one per ray, or holds nan;
+    ``name`` is named.
     """
     if type(value) is float and value in _USUAL:
         return _USUAL[value]

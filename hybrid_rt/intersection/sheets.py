@@ -13,10 +13,7 @@ from hybrid_rt.intersection.kind import Finished
 class Sheets:
     """The surfaces of a kind whose pieces share one (u, v): sheets of patches, trimmed profiles.
 
-    Parameters
-    ----------
-    spans : dict of object id to (k, 4) float64
-        u0, u1, v0, v1 of each piece.
+    ``spans``, dict of object id to (k, 4): u0, u1, v0, v1 of each piece.
     """
 
     def __init__(self, spans: dict[int, FloatArray]) -> None:

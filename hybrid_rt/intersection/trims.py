@@ -27,10 +27,7 @@ NARROW = 0.25 / MOST_TILES * FLATTEST_EDGE
 def trimmed_of(members: Sequence[tuple[int, Any]]) -> list[TrimmedSurface] | None:
     """Return the trimmed surfaces among (object id, surface); None if there are none.
 
-    Raises
-    ------
-    TypeError
-        If only some of them are trimmed.
+    Raises TypeError if only some of them are trimmed.
     """
     trimmed = [surface for _, surface in members if isinstance(surface, TrimmedSurface)]
     if trimmed and len(trimmed) != len(members):
@@ -55,14 +52,9 @@ def trim_of(
 ) -> Trim:
     """Return the loops of trimmed surfaces.
 
-    Parameters
-    ----------
-    surfaces : sequence of TrimmedSurface
-    counts : rows (patches) of each
-    spans : (rows, 4)
-        u0, u1, v0, v1 of each row on its surface.
-    to_frame : lengths of the frame in a scene unit, one or one per surface
-    scale : (rows, 4), see `Trim`
+    ``counts``, rows (patches) of each; ``to_frame``, lengths of the frame in a scene unit, one or
+    one per surface; ``scale`` (rows, 4), see `Trim`.
+    ``spans`` (rows, 4): u0, u1, v0, v1 of each row on its surface.
     """
     span = spans.copy()
     span[:, 1] -= spans[:, 0]
@@ -107,11 +99,8 @@ def may_hold_hits(
 ) -> BoolArray:
     """Tell which cells are not wholly outside the loops, (n,) bool.
 
-    Parameters
-    ----------
-    cells : (n, 4)
-        Middles in u and v and half sides, in the rows' own parameters.
-    rows : (n,) integers
+    ``rows`` (n,) integers.
+    ``cells`` (n, 4): middles in u and v and half sides, in the rows' own parameters.
     """
     um, vm, hu, hv = cells.T
     span = trim.span[rows]

@@ -77,10 +77,9 @@ class Cells:
     ) -> FloatArray:
         """Return the unit square of each cell over its area, at points of it."""
         share = self._sampler.share[cell]
-        density: FloatArray = np.divide(
+        return np.divide(
             self._sampler.pdf_area(patch_id, u, v), share, out=np.zeros_like(u), where=share > 0.0
         )
-        return density
 
 
 def cells_of(surface: Surface, at_least: int = 1) -> CellSampler:

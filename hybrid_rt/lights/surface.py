@@ -117,8 +117,7 @@ class ShiningSphere(ShiningSurface):
         """Tell which points (n, 3) lie on the sphere."""
         middle, radius = self._ball
         away = np.abs(np.linalg.norm(points - middle, axis=1) - radius)
-        on: BoolArray = away <= ON * (radius + float(np.abs(middle).max()))
-        return on
+        return away <= ON * (radius + float(np.abs(middle).max()))
 
 
 class ShiningBox(ShiningSurface):
@@ -146,8 +145,7 @@ class ShiningBox(ShiningSurface):
         square = np.einsum("ij,ij->i", way, way)
         facing = np.maximum(-np.einsum("ij,ij->i", way, hits.normal), 0.0)
         below = angle * square * np.sqrt(square)
-        density: FloatArray = np.divide(facing, below, out=np.zeros_like(below), where=below > 0.0)
-        return density
+        return np.divide(facing, below, out=np.zeros_like(below), where=below > 0.0)
 
 
 class ShiningTrimmed(ShiningSurface):
@@ -184,8 +182,7 @@ class ShiningTrimmed(ShiningSurface):
 
     def _held(self, density: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
         """Return densities of points, 0 for those outside the loops."""
-        held: FloatArray = np.where(self._trimmed.contains(u, v)[0], density, 0.0)
-        return held
+        return np.where(self._trimmed.contains(u, v)[0], density, 0.0)
 
 
 def shining_surface(surface: Surface, radiance: Texture | None = None) -> ShiningSurface | None:

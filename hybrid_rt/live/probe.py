@@ -46,8 +46,7 @@ class Probe:
         with self._one_at_a_time:
             hits = self._tracer.intersect(origin, direction)
         found["hit"] = self._hit(hits) if hits.hit[0] else None
-        shown: dict[str, Any] = as_plain(found, finite=True)
-        return shown
+        return as_plain(found, finite=True)
 
     def _hit(self, hits: HitRecord) -> dict[str, Any]:
         number = int(hits.object_id[0])

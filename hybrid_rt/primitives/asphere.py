@@ -12,15 +12,7 @@ from hybrid_rt.core.checks import FARTHEST
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.primitives.axial import AxialSurface
 from hybrid_rt.primitives.sag import Sag, Zones
-from meshing.checks import (
-    IdArray,
-    as_floats,
-    as_similarity,
-    freeze,
-    number,
-    shown,
-    still_unit,
-)
+from meshing.checks import IdArray, as_floats, as_similarity, freeze, number, shown, still_unit
 from meshing.double_double import misfit, pair_of, rounded_image, stretched
 
 # a_2 to a_32.

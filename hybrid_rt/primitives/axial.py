@@ -52,7 +52,4 @@ class AxialSurface(Surface):
 
     def _world(self, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
         """Return vectors (..., 3) from their parts along radial, binormal and axis."""
-        world: FloatArray = (
-            x[..., None] * self.radial + y[..., None] * self.binormal + z[..., None] * self.axis
-        )
-        return world
+        return x[..., None] * self.radial + y[..., None] * self.binormal + z[..., None] * self.axis

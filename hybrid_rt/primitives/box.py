@@ -86,8 +86,7 @@ class Box(Surface):
 
     def _points(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
         weight = self._weights(u, v, patch_id)
-        points: FloatArray = self.lo * (1.0 - weight) + self.hi * weight
-        return points
+        return self.lo * (1.0 - weight) + self.hi * weight
 
     def _weights(self, u: FloatArray, v: FloatArray, face: IdArray) -> FloatArray:
         """Return how far along each of the three axes points lie, (n, 3) from 0 to 1."""
@@ -107,8 +106,7 @@ class Box(Surface):
 
     def _is_swapped(self, face: IdArray) -> BoolArray:
         """Tell on which faces v, not u, runs along the first of the two other axes."""
-        swapped: BoolArray = (face % 2 == 1) != (self.orientation * self.handedness > 0)
-        return swapped
+        return (face % 2 == 1) != (self.orientation * self.handedness > 0)
 
     def _normals(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
         del v
@@ -204,14 +202,12 @@ class TurnedBox(Box):
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
     def _points(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
-        points: FloatArray = self.lo + self._weights(u, v, patch_id) @ self.edges
-        return points
+        return self.lo + self._weights(u, v, patch_id) @ self.edges
 
     def _normals(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
         del u, v
         side = self.orientation * np.where(patch_id % 2 == 1, 1.0, -1.0)
-        normals: FloatArray = side[:, None] * self.across[patch_id // 2]
-        return normals
+        return side[:, None] * self.across[patch_id // 2]
 
     def transformed(self, matrix: ArrayLike) -> TurnedBox:
         """Return the image under an affine map; faces stay with their points."""

@@ -159,8 +159,7 @@ class Instances(Surface):
             normals[rows] = surface._normals(u[rows], v[rows], own)
         normals = self._turned(normals, place)
         sign = np.sign(np.linalg.det(self.matrices[place, :, :3] / self.scale[place, None, None]))
-        unit: FloatArray = normals * (sign / np.linalg.norm(normals, axis=1))[:, None]
-        return unit
+        return normals * (sign / np.linalg.norm(normals, axis=1))[:, None]
 
     @property
     def texture_coordinates(self) -> FloatArray | None:
@@ -186,8 +185,7 @@ class Instances(Surface):
         return place, found
 
     def _turned(self, vectors: FloatArray, place: IdArray) -> FloatArray:
-        turned: FloatArray = np.einsum("nij,nj->ni", self.matrices[place, :, :3], vectors)
-        return turned
+        return np.einsum("nij,nj->ni", self.matrices[place, :, :3], vectors)
 
     # --- shape
 

@@ -61,8 +61,7 @@ class Rectangle(Surface):
 
     def _points(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
         del patch_id
-        points: FloatArray = self.corner + u[:, None] * self.edge_u + v[:, None] * self.edge_v
-        return points
+        return self.corner + u[:, None] * self.edge_u + v[:, None] * self.edge_v
 
     def _partials(
         self, u: FloatArray, v: FloatArray, patch_id: IdArray

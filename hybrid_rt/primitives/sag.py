@@ -182,5 +182,4 @@ def _rate(polynomial: FloatArray) -> FloatArray:
     """Return the derivative of a polynomial given by its coefficients, lowest first."""
     if len(polynomial) < 2:
         return np.zeros(1)
-    rate: FloatArray = polynomial[1:] * np.arange(1, len(polynomial))
-    return rate
+    return polynomial[1:] * np.arange(1, len(polynomial))

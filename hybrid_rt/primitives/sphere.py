@@ -139,8 +139,7 @@ class Sphere(Surface):
         azimuth, polar = 2.0 * np.pi * u, np.pi * v
         ring = np.sin(polar)
         local = np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), -np.cos(polar)], axis=-1)
-        outward: FloatArray = local @ self.frame
-        return outward
+        return local @ self.frame
 
     def transformed(self, matrix: ArrayLike) -> Sphere:
         """Return the image under a similarity; see `meshing.surface.Surface.transformed`."""

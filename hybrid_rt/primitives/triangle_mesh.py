@@ -180,8 +180,7 @@ class TriangleMesh(Surface):
 
     def _points(self, u: FloatArray, v: FloatArray, patch_id: IdArray) -> FloatArray:
         a, b, c = self._corners(patch_id)
-        points: FloatArray = a + u[:, None] * (b - a) + v[:, None] * (c - a)
-        return points
+        return a + u[:, None] * (b - a) + v[:, None] * (c - a)
 
     def _partials(
         self, u: FloatArray, v: FloatArray, patch_id: IdArray
@@ -205,8 +204,7 @@ class TriangleMesh(Surface):
             return np.stack([u, v], axis=1)
         a, b, c = (self.texture_coordinates[self.faces[face, k]] for k in range(3))
         # Where all corners are at one place, as in palettes, so is the result, to the last bit.
-        points: FloatArray = a + u[:, None] * (b - a) + v[:, None] * (c - a)
-        return points
+        return a + u[:, None] * (b - a) + v[:, None] * (c - a)
 
     def area_sampler(self) -> Triangles:
         """Return the area sampler."""

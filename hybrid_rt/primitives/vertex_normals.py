@@ -53,5 +53,4 @@ def shading_normals(
 
 def _unit(vectors: FloatArray) -> FloatArray:
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    unit: FloatArray = vectors / np.where(length > 0.0, length, 1.0)
-    return unit
+    return vectors / np.where(length > 0.0, length, 1.0)

@@ -1,8 +1,7 @@
 """Output channels (AOVs): geometry at pixel centres, and error estimates.
 
-Each output is one function here, which its decorator registers under its name. The geometric
-channels come from one ray through the centre of each pixel and of the lens: they have no noise and
-are not antialiased.
+The geometric channels come from one ray through the centre of each pixel and of the lens: they have
+no noise and are not antialiased.
 """
 
 from __future__ import annotations
@@ -35,7 +34,6 @@ class Behind:
 
 
 OfPixels = Callable[[Behind], NDArray[Any]]
-OfPasses = Callable[[Film], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -44,70 +42,10 @@ class Output:
 
     parts: tuple[str, ...]  # names of its components; (): one number per pixel
     of_pixels: OfPixels | None = None
-    of_passes: OfPasses | None = None
+    of_passes: Callable[[Film], FloatArray] | None = None
 
 
-OUTPUTS: dict[str, Output] = {}
-
-
-def geometric(*parts: str) -> Callable[[OfPixels], OfPixels]:
-    """Register a function of `Behind` as the output of its name."""
-
-    def register(function: OfPixels) -> OfPixels:
-        OUTPUTS[function.__name__] = Output(parts, of_pixels=function)
-        return function
-
-    return register
-
-
-def of_passes(*parts: str) -> Callable[[OfPasses], OfPasses]:
-    """Register a function of the film as the output of its name."""
-
-    def register(function: OfPasses) -> OfPasses:
-        OUTPUTS[function.__name__] = Output(parts, of_passes=function)
-        return function
-
-    return register
-
-
-@geometric()
-def depth(behind: Behind) -> FloatArray:
-    """Return the distance to the hit along the ray; inf on a miss."""
-    return behind.hits.t
-
-
-@geometric("X", "Y", "Z")
-def position(behind: Behind) -> FloatArray:
-    """Return the hit points."""
-    return behind.hits.position
-
-
-@geometric("X", "Y", "Z")
-def normal(behind: Behind) -> FloatArray:
-    """Return the normals of hits."""
-    return behind.hits.normal
-
-
-@geometric("U", "V")
-def uv(behind: Behind) -> FloatArray:
-    """Return the surface parameters of hits."""
-    return np.stack([behind.hits.u, behind.hits.v], axis=1)
-
-
-@geometric()
-def object_id(behind: Behind) -> FloatArray:
-    """Return the index of the object hit; -1 on a miss."""
-    return behind.hits.object_id.astype(np.float64)
-
-
-@geometric()
-def instance_id(behind: Behind) -> FloatArray:
-    """Return the row of the place that was hit of `Instances`; -1 elsewhere."""
-    return behind.hits.instance_id.astype(np.float64)
-
-
-@geometric("R", "G", "B")
-def albedo(behind: Behind) -> FloatArray:
+def _albedo(behind: Behind) -> FloatArray:
     """Return the sum of the colours of all lobes; 0 on a miss."""
     hits, light = behind.hits, behind.light
     material = light.material(hits)
@@ -121,22 +59,20 @@ def albedo(behind: Behind) -> FloatArray:
     return total
 
 
-@of_passes()
-def samples(film: Film) -> FloatArray:
-    """Return the number of passes."""
-    return np.full(film.image.shape[:2], float(film.n_passes))
-
-
-@of_passes("R", "G", "B")
-def standard_error(film: Film) -> FloatArray:
-    """Return the standard error of each pixel; nan after a single pass."""
-    return film.standard_error
-
-
-@of_passes("R", "G", "B")
-def half_interval(film: Film) -> FloatArray:
-    """Return half the width of each pixel's 95 % interval; nan after a single pass."""
-    return film.half_interval
+OUTPUTS = {
+    "depth": Output((), lambda behind: behind.hits.t),
+    "position": Output(("X", "Y", "Z"), lambda behind: behind.hits.position),
+    "normal": Output(("X", "Y", "Z"), lambda behind: behind.hits.normal),
+    "uv": Output(("U", "V"), lambda behind: np.stack([behind.hits.u, behind.hits.v], axis=1)),
+    "object_id": Output((), lambda behind: behind.hits.object_id),
+    "instance_id": Output((), lambda behind: behind.hits.instance_id),
+    "albedo": Output(("R", "G", "B"), _albedo),
+    "samples": Output(
+        (), of_passes=lambda film: np.full(film.image.shape[:2], float(film.n_passes))
+    ),
+    "standard_error": Output(("R", "G", "B"), of_passes=lambda film: film.standard_error),
+    "half_interval": Output(("R", "G", "B"), of_passes=lambda film: film.half_interval),
+}
 
 
 def check_names(names: Sequence[str]) -> tuple[str, ...]:

@@ -222,8 +222,7 @@ class PreparedScene:
                 plan=deepcopy(self._ready.plan),
                 ledger=Ledger(),
             )
-            workers: Workers = settings.declared.make(own, 1)
-            return workers
+            return settings.declared.make(own, 1)
 
     def give_back(self, workers: Workers) -> None:
         """Let others use them."""

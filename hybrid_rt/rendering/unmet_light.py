@@ -57,16 +57,10 @@ def unmet_light(
     0 where lamps are not met by chance alone: mirrors, metal and glass are missing, and no lamp is
     a speck in the picture. The sky counts where there are mirrors, metal or glass.
 
-    Parameters
-    ----------
-    scene : CompiledScene
-    passes : int
-        Camera rays for each pixel.
-    ends_at_matt : bool
-        Whether camera paths end at surfaces that spread light, as they do where photons are gathered:
-        then mirrors, metal and glass out of sight are as if they were missing.
-    samples_lights : bool
-        False: no next-event estimation, so every lamp is met by chance.
+    ``passes``: camera rays for each pixel.
+    ``ends_at_matt``: whether camera paths end at surfaces that spread light, as they do where
+    photons are gathered: then mirrors, metal and glass out of sight are as if they were missing.
+    ``samples_lights``: False: no next-event estimation, so every lamp is met by chance.
     """
     lights, camera = scene.lights, scene.camera
     has_area = ~np.isin(lights.kind, WITHOUT_AREA)
@@ -109,33 +103,22 @@ def unmet_place(scene: CompiledScene, check: CrossCheck | None, film: Film, n_ra
 def interval_of_noise(noise: MeanNoise) -> float:
     """Return half the 95 % interval of the image mean that its noise gives."""
     return half_interval_of_mean(
-        noise.standard_error_of_image_mean,
-        noise.interval_factor,
-        noise.bright_path_in_image_mean,
+        noise.standard_error_of_image_mean, noise.interval_factor, noise.bright_path_in_image_mean
     )
 
 
 @dataclass(frozen=True)
 class Missing:
-    """What a picture lacks by an independent estimate.
+    """What a picture lacks by an independent estimate."""
 
-    Attributes
-    ----------
-    of_mean : float
-        What its mean lacks at most: to the upper end of the estimate's 95 % interval, of the whole or of
-        all regions together, where the lower end is above the picture's; else 0.
-    of_regions : (REGIONS,) float64
-        What the mean of each region lacks, likewise.
-    is_contradicted : bool
-        Whether even the limit that one estimate of a thousand is beyond is above the mean, or one of a region.
-    region : int or None
-        The region that lacks the most, if none but regions are contradicted.
-    """
-
+    # What its mean lacks at most: to the upper end of the estimate's 95 % interval, of the whole or
+    # of all regions together, where the lower end is above the picture's; else 0
     of_mean: float
-    of_regions: FloatArray
+    of_regions: FloatArray  # (REGIONS,): what the mean of each region lacks, likewise
+    # Whether even the limit that one estimate of a thousand is beyond is above the mean, or one of
+    # a region
     is_contradicted: bool
-    region: int | None
+    region: int | None  # The region that lacks the most, if none but regions are contradicted
 
 
 def missing_light(
@@ -145,16 +128,9 @@ def missing_light(
 
     An estimate by few photons that says so is repeated with more.
 
-    Parameters
-    ----------
-    check : CrossCheck, optional
-    film : Film
-    noise : MeanNoise
-    half : float
-        Half the interval of the mean so far.
-    lost_share : float
-        What limits of depth cut off of what paths carried. Photons and the camera rays that gather
-        them have a limit each, so together they find a part of it.
+    ``half``: half the interval of the mean so far.
+    ``lost_share``: what limits of depth cut off of what paths carried. Photons and the camera rays
+    that gather them have a limit each, so together they find a part of it.
     """
     if check is None or check.mean is None:
         return Missing(0.0, np.zeros(REGIONS), False, None)

@@ -47,8 +47,7 @@ class Sampler:
         Different uses need different dimensions. Passes are numbered from 0 to 2**32 - 1, after which they repeat;
         those of one (pixel, dimension) are well distributed in the square.
         """
-        point: FloatArray = self.several(pixel, dimension, pass_number, 1)[0]
-        return point
+        return self.several(pixel, dimension, pass_number, 1)[0]
 
     def joint(self, pixel: UIntArray, dimension: int, number: UIntArray, width: int) -> FloatArray:
         """Return points ``number`` of Sobol sequences in up to `MOST_JOINT` dimensions, (n, width).

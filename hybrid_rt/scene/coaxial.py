@@ -79,10 +79,9 @@ def _halves(curves: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _meet(a: FloatArray, b: FloatArray, slack: float) -> BoolArray:
     """Tell for pairs of curves (n, points, 2) whether their boxes meet, within the slack."""
-    meet: BoolArray = (
+    return (
         (a.min(axis=1) <= b.max(axis=1) + slack) & (b.min(axis=1) <= a.max(axis=1) + slack)
     ).all(axis=1)
-    return meet
 
 
 def _cross(a: FloatArray, b: FloatArray) -> BoolArray:
@@ -94,5 +93,4 @@ def _cross(a: FloatArray, b: FloatArray) -> BoolArray:
     products = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
     lengths = np.hypot(one[..., 0], one[..., 1]) * np.hypot(other[..., 0], other[..., 1])
     least = LEAST_SINE * lengths.max(axis=(1, 2), keepdims=True)
-    cross: BoolArray = (products > least).all(axis=(1, 2)) | (products < -least).all(axis=(1, 2))
-    return cross
+    return (products > least).all(axis=(1, 2)) | (products < -least).all(axis=(1, 2))

@@ -69,8 +69,7 @@ class CompiledScene:
         """
         if name not in self.found:
             self.found[name] = find()
-        found: T = self.found[name]
-        return found
+        return self.found[name]
 
     @property
     def n_lights(self) -> int:
@@ -91,8 +90,7 @@ class CompiledScene:
     @cached_property
     def widths(self) -> FloatArray:
         """(surfaces,): the second longest side of the box around each, how wide a flat or long body is."""
-        widths: FloatArray = np.sort(self.bounds[:, 1] - self.bounds[:, 0], axis=1)[:, 1]
-        return widths
+        return np.sort(self.bounds[:, 1] - self.bounds[:, 0], axis=1)[:, 1]
 
     @cached_property
     def colored_by_uv(self) -> BoolArray:
@@ -108,8 +106,7 @@ class CompiledScene:
         ]
         of_light = [*follows[self.lights.texture].tolist(), False]
         by_material = np.array([*of_material, False])[self.material_of]
-        colored: BoolArray = by_material | np.array(of_light)[self.light_of]
-        return colored
+        return by_material | np.array(of_light)[self.light_of]
 
     @cached_property
     def unwrapped(self) -> dict[int, Any]:

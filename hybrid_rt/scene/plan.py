@@ -81,12 +81,7 @@ def explain(plan: dict[str, Any]) -> str:
 def make_plan(scene: CompiledScene, integrator: Needs, left_out: Sequence[str] = ()) -> Plan:
     """Decide which features light transport in this scene needs.
 
-    Parameters
-    ----------
-    scene : CompiledScene
-    integrator : Needs
-    left_out : sequence of str
-        The light of the scene that the integrator does not find.
+    ``left_out``: the light of the scene that the integrator does not find.
     """
     traits = scene.lobes.traits
     spreads = bool((traits & SPREADS).any())

@@ -153,8 +153,7 @@ class Camera(Projection):
 
     def direction_pdf(self, directions: FloatArray) -> FloatArray:
         """Return the pdf per solid angle (n,) of unit directions (n, 3) sampled by `rays`."""
-        pdf: FloatArray = self._pdf_ahead / (directions @ self._forward) ** 3
-        return pdf
+        return self._pdf_ahead / (directions @ self._forward) ** 3
 
     def pixel_widths(self, points: FloatArray) -> FloatArray:
         """Return the side of a pixel at points (n, 3), scene units, (n,)."""

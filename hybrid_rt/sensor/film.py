@@ -49,28 +49,16 @@ def regions_of(height: int, width: int) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class RelativeErrors:
-    """Estimated relative root mean square errors of a picture; nan after one pass.
+    """Estimated relative root mean square errors of a picture; nan after one pass."""
 
-    Attributes
-    ----------
-    whole : float
-        Over all pixels.
-    trimmed : float
-        Without the worst pixels; ``whole`` if there are none. nan if a pixel is not finite.
-    n_worst : int
-        Number of the worst pixels: 0.1 %, rounded down, so none of less than 1000.
-    share_of_worst : float
-        Of the sum of squared errors, the part in the worst pixels, 0 to 1.
-    ahead : float
-        What ``trimmed`` will be after twice as many passes, and after 16 at least, if each worst
-        pixel is a dot: a path that other pixels will meet as often. It is above ``trimmed`` where
-        the worst pixels will soon be too few to hold the dots.
-    """
-
-    whole: float
+    whole: float  # Over all pixels
+    # Without the worst pixels; ``whole`` if there are none. nan if a pixel is not finite.
     trimmed: float
-    n_worst: int
-    share_of_worst: float
+    n_worst: int  # Number of the worst pixels: 0.1 %, rounded down, so none of less than 1000
+    share_of_worst: float  # Of the sum of squared errors, the part in the worst pixels, 0 to 1
+    # What ``trimmed`` will be after twice as many passes, and after 16 at least, if each worst
+    # pixel is a dot: a path that other pixels will meet as often. It is above ``trimmed`` where the
+    # worst pixels will soon be too few to hold the dots.
     ahead: float
 
 
@@ -86,30 +74,20 @@ class MeanNoise:
 
 @dataclass(frozen=True)
 class Noise(MeanNoise):
-    """The estimated noise of a picture.
+    """The estimated noise of a picture."""
 
-    Attributes
-    ----------
-    errs_on_the_safe_side : bool
-        True before 16 passes, unless the worst pixels hold more than a tenth of the squared error:
-        then too few passes have met what those pixels show.
-    relative_rmse, relative_rmse_trimmed, relative_rmse_trimmed_ahead : float
-        ``whole``, ``trimmed`` and ``ahead`` of `RelativeErrors`.
-    pixels_without_light : int
-        Those that are black in every pass, whose error counts as none.
-    pixels_dark : int
-        All others darker than `DIM`.
-    """
-
+    # True before 16 passes, unless the worst pixels hold more than a tenth of the squared error:
+    # then too few passes have met what those pixels show
     errs_on_the_safe_side: bool
     root_mean_square_standard_error_of_pixels: float
+    # ``whole``, ``trimmed`` and ``ahead`` of `RelativeErrors`
     relative_rmse: float
     relative_rmse_trimmed: float
     relative_rmse_trimmed_ahead: float
     worst_pixels: int
     worst_pixels_share_of_squared_error: float
-    pixels_without_light: int
-    pixels_dark: int
+    pixels_without_light: int  # Those that are black in every pass, whose error counts as none
+    pixels_dark: int  # All others darker than `DIM`
 
 
 class Film:
@@ -377,8 +355,7 @@ class Film:
         return mean * size / (GROUPS - 2) / self._sums[0, :, :, 0].size
 
     def _mean(self) -> FloatArray:
-        mean: FloatArray = self._of_groups(slice(None)).sum(axis=0) / self.n_passes
-        return mean
+        return self._of_groups(slice(None)).sum(axis=0) / self.n_passes
 
     def _of_groups(self, rows: slice) -> FloatArray:
         """Return the sums over groups (GROUPS, rows, width, 3), with the present run in its own."""
@@ -391,8 +368,7 @@ class Film:
     def _grey(self, rows: slice) -> FloatArray:
         """Return the means of the channels of the sums over groups, (GROUPS, rows, width)."""
         # Einsum is many times as fast as mean over three channels.
-        grey: FloatArray = np.einsum("ghwc->ghw", self._of_groups(rows)) / 3.0
-        return grey
+        return np.einsum("ghwc->ghw", self._of_groups(rows)) / 3.0
 
     def _root_mean_squares(self) -> tuple[float, RelativeErrors]:
         """Return those of the pixels' standard errors, absolute and relative; nan after one pass."""
@@ -427,9 +403,7 @@ class Film:
         the error many times. So where the other groups of the pixels around differ by more than all
         that the pixel's own have found, what they exceed their lowest by is taken from around.
 
-        Returns
-        -------
-        (rows, width) float64
+        Returns (rows, width).
         """
         around = slice(max(rows.start - REACH, 0), rows.stop + REACH)
         own = slice(rows.start - around.start, rows.stop - around.start)
@@ -481,8 +455,7 @@ class Film:
         squares = np.zeros(sums.shape[1:])
         for sum_of_group, count in zip(sums, self._counts, strict=True):
             squares += (sum_of_group - count * mean) ** 2
-        variance: FloatArray = squares / float(self.n_passes**2 - np.square(self._counts).sum())
-        return variance
+        return squares / float(self.n_passes**2 - np.square(self._counts).sum())
 
 
 def _relative_errors(

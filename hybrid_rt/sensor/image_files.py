@@ -38,33 +38,20 @@ def save_image(
 ) -> Path:
     """Write an image file, and its report beside it as JSON.
 
-    Parameters
-    ----------
-    path : path ending in .png, .npz or .exr
-        PNG: 8 bit, sRGB, values above 1 clipped. NPZ: ``image`` unchanged, ``report`` as JSON text
-        and the channels by name. EXR: 32-bit channels R, G, B and name.part, the report as the
-        attribute "hybrid_rt"; needs the package OpenEXR (the extra "exr"). An existing file is
-        replaced atomically.
-    image : (height, width, 3) float32
-    report : dict
-    channels : dict, optional
-        By name, (height, width) or (height, width, parts) float32; not stored in PNG.
-    exposure : float
-        Stops: a PNG shows 2**exposure times the radiance. The other formats store radiance.
-    parts : dict, optional
-        EXR names of the components of a channel, by channel name; default: R, G and B.
-
-    Returns
-    -------
-    Path
-        The sidecar: a.json for a.png, a.npz.json for a.npz, a.npz.png.json for a.npz.png, so that
-        sidecars never collide.
-
-    Raises
-    ------
-    ValueError, OSError, ModuleNotFoundError
-        If the suffix is unknown, the file cannot be created (see `meshing.outputs`), what has the name
-        of the report is none, or OpenEXR is not installed.
+    ``image`` (height, width, 3) float32.
+    ``path``, path ending in .png, .npz or .exr: PNG: 8 bit, sRGB, values above 1 clipped. NPZ:
+    ``image`` unchanged, ``report`` as JSON text and the channels by name. EXR: 32-bit channels R,
+    G, B and name.part, the report as the attribute "hybrid_rt"; needs the package OpenEXR (the
+    extra "exr"). An existing file is replaced atomically.
+    ``channels``: by name, (height, width) or (height, width, parts) float32; not stored in PNG.
+    ``exposure``: stops: a PNG shows 2**exposure times the radiance. The other formats store
+    radiance.
+    ``parts``: EXR names of the components of a channel, by channel name; default: R, G and B.
+    Returns the sidecar: a.json for a.png, a.npz.json for a.npz, a.npz.png.json for a.npz.png, so
+    that sidecars never collide.
+    Raises ValueError or OSError or ModuleNotFoundError if the suffix is unknown, the file cannot be
+    created (see `meshing.outputs`), what has the name of the report is none, or OpenEXR is not
+    installed.
     """
     target = check_output(path, report)
     number(exposure, "exposure", at_least=-MOST_STOPS, up_to=MOST_STOPS, hint="stops")

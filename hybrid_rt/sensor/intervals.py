@@ -49,18 +49,13 @@ HUGE = 1e100
 def half_intervals(variances: FloatArray, freedom: int) -> FloatArray:
     """Return half the intervals (height, width, 3) of pixels by the variances of their means.
 
-    Parameters
-    ----------
-    variances : (height, width, 3) float64
-    freedom : int
-        Degrees of freedom of each, 1 to 14.
+    ``variances`` (height, width, 3).
+    ``freedom``: degrees of freedom of each, 1 to 14.
     """
     if variances.shape[0] * variances.shape[1] == 1:
-        alone: FloatArray = STUDENT[freedom - 1] * np.sqrt(variances)
-        return alone
+        return STUDENT[freedom - 1] * np.sqrt(variances)
     both = (variances + BORROWED * mean_of_neighbours(variances)) / (1.0 + BORROWED)
-    half: FloatArray = _STUDENT_OF_PIXELS[freedom - 1] * np.sqrt(both)
-    return half
+    return _STUDENT_OF_PIXELS[freedom - 1] * np.sqrt(both)
 
 
 def light_of_rare_paths(above: FloatArray, lowest: FloatArray) -> FloatArray:
@@ -68,13 +63,9 @@ def light_of_rare_paths(above: FloatArray, lowest: FloatArray) -> FloatArray:
 
     The larger of two: from all pixels of 7 x 7, and from those of 31 x 31 whose noise is alike.
 
-    Parameters
-    ----------
-    above : (height, width, 3) float64
-        By how much the mean of a pixel exceeds the median of its groups.
-    lowest : (height, width, 2) float64
-        Brightness and noise of a pixel without its brightest paths: mean and range of all its groups
-        but the highest.
+    ``above`` (height, width, 3): by how much the mean of a pixel exceeds the median of its groups.
+    ``lowest`` (height, width, 2): brightness and noise of a pixel without its brightest paths: mean
+    and range of all its groups but the highest.
     """
     around, n = mean_around(above, REACH)
     squares = mean_around(above * above, REACH)[0]
@@ -86,9 +77,7 @@ def light_of_rare_paths(above: FloatArray, lowest: FloatArray) -> FloatArray:
 def bright_path(of_groups: FloatArray) -> tuple[float, float]:
     """Return the sums of squares and cubes by which the groups of pixels differ from their mean.
 
-    Parameters
-    ----------
-    of_groups : (groups, ...) float64
+    ``of_groups`` (groups, ...).
     """
     gaps = of_groups - of_groups.mean(axis=0)
     squares = gaps * gaps
@@ -103,15 +92,9 @@ def half_interval_of_mean(standard_error: float, factor: float, bright: float) -
     size of a bright path, and the upper side of the score interval for counts is the half. Without
     bright paths it is that of Student's t.
 
-    Parameters
-    ----------
-    standard_error, factor : float
-        Student's t times the standard error is half the interval of an even mean.
-    bright : float
-        What one bright path contributes to the mean.
-
-    References
-    ----------
+    ``standard_error``, ``factor``: Student's t times the standard error is half the interval of an
+    even mean.
+    ``bright``: what one bright path contributes to the mean.
     Wilson, "Probable inference, the law of succession, and statistical inference", JASA 1927.
     """
     return float(score_limits(factor * standard_error, bright, TWO_SIDED)[1])
@@ -122,13 +105,8 @@ def score_limits(
 ) -> tuple[FloatArray, FloatArray]:
     """Return how far the score interval of a sum of rare events reaches to both sides of it.
 
-    Parameters
-    ----------
-    reach : float64
-        The quantile times the standard error.
-    event : float64
-        What one event adds: the third moment over the second.
-    quantile : float
+    ``reach``: the quantile times the standard error.
+    ``event``: what one event adds: the third moment over the second.
     """
     skewed = 0.5 * quantile**2 * np.asarray(event)
     half = np.hypot(reach, skewed)

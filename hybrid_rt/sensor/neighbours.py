@@ -18,8 +18,7 @@ def mean_of_neighbours(image: FloatArray) -> FloatArray:
             if (down, right) != (1, 1):
                 total += padded[down : down + height, right : right + width]
                 count += inside[down : down + height, right : right + width]
-    mean: FloatArray = total / count
-    return mean
+    return total / count
 
 
 def mean_around(image: FloatArray, reach: int) -> tuple[FloatArray, FloatArray]:

@@ -105,12 +105,8 @@ class PanoramicCamera(Projection):
     def pixel_widths(self, points: FloatArray) -> FloatArray:
         """Return the height of a pixel at points (n, 3), scene units, (n,)."""
         away = np.linalg.norm(points - self.look_from, axis=1)
-        widths: FloatArray = math.pi / self.height * away
-        return widths
+        return math.pi / self.height * away
 
     def _pdf(self, sine: FloatArray) -> FloatArray:
         """Return the pdf per solid angle: a pixel has 2 pi^2 sine / (width height) steradians."""
-        pdf: FloatArray = (0.5 * self.width * self.height / math.pi**2) / np.maximum(
-            sine, SMALLEST_POLAR_SINE
-        )
-        return pdf
+        return (0.5 * self.width * self.height / math.pi**2) / np.maximum(sine, SMALLEST_POLAR_SINE)

@@ -179,10 +179,7 @@ class Projection(ABC):
         column, row = np.floor(column), np.floor(row)
         inside = may_be & (column >= 0) & (column < self.width) & (row >= 0) & (row < self.height)
         column, row = np.where(inside, column, 0.0), np.where(inside, row, 0.0)
-        pixel: NDArray[np.int64] = np.where(
-            inside, (row * self.width + column).astype(np.int64), -1
-        )
-        return pixel
+        return np.where(inside, (row * self.width + column).astype(np.int64), -1)
 
 
 def _lens_samples(lens: ArrayLike | None, n: int, what: str) -> FloatArray | None:

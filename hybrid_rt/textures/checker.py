@@ -79,8 +79,7 @@ class CheckerTexture(Texture):
     @property
     def mean(self) -> FloatArray:
         """Return the mean of the two colours, channel by channel: each has half of the squares."""
-        mean: FloatArray = 0.5 * self._even + 0.5 * self._odd
-        return mean
+        return 0.5 * self._even + 0.5 * self._odd
 
     @property
     def row(self) -> TextureRow:

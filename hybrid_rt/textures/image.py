@@ -64,14 +64,12 @@ class ImageTexture(Texture):
     @property
     def brightest(self) -> FloatArray:
         """Return the largest value of each channel; filtering never exceeds it."""
-        brightest: FloatArray = self._texels.max(axis=(0, 1)).astype(np.float64)
-        return brightest
+        return self._texels.max(axis=(0, 1)).astype(np.float64)
 
     @property
     def mean(self) -> FloatArray:
         """Return the mean of the texels, channel by channel."""
-        mean: FloatArray = self._texels.mean(axis=(0, 1), dtype=np.float64)
-        return mean
+        return self._texels.mean(axis=(0, 1), dtype=np.float64)
 
     @property
     def row(self) -> TextureRow:

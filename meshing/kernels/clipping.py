@@ -16,8 +16,8 @@ from meshing.kernels.trims import (
     X_LOW,
     Y_HIGH,
     Y_LOW,
-    _first_beyond,
-    _halve,
+    first_beyond,
+    point_of_piece,
 )
 
 # Ends of chords this near to each other in (u, v) become one: many roundings, and far less than any leaf.
@@ -46,13 +46,13 @@ def _moved_in(table, p, end, other, lines, is_beyond, is_first, grows, forward):
     if is_beyond[0]:
         s, x, y = b, lines[0], yb
         if xb != lines[0]:
-            s = _first_beyond(table, p, lines[0], True, grows)
-            y = _halve(table, p, s)[1]
+            s = first_beyond(table, p, lines[0], True, grows)
+            y = point_of_piece(table, p, s)[1]
     if is_beyond[1]:
         c, cx = b, xb
         if yb != lines[1]:
-            c = _first_beyond(table, p, lines[1], False, True)
-            cx = _halve(table, p, c)[0]
+            c = first_beyond(table, p, lines[1], False, True)
+            cx = point_of_piece(table, p, c)[0]
         if not is_beyond[0]:
             return c, cx, lines[1]
         s, x, y = _later(s, x, y, is_first, c, cx, lines[1], forward, lines[0], lines[1])
@@ -100,7 +100,7 @@ def chords_in_box(table, box, cuts, first_cut, chords):
                 c = cuts[first_cut[p] + k] if forward > 0.0 else cuts[first_cut[p + 1] - 1 - k]
                 if not ((c - s) * forward > 0.0 and (t - c) * forward > 0.0):
                     continue
-                cx, cy = _halve(table, p, c)
+                cx, cy = point_of_piece(table, p, c)
                 cx, cy = min(max(cx, u0), u1), min(max(cy, v0), v1)
             if count < chords.shape[0]:
                 chords[count, 0], chords[count, 1], chords[count, 2], chords[count, 3] = (
@@ -230,12 +230,9 @@ def turn_inside_left(chords, at_left, at_bottom, base, turned):
     A line from the middle of a chord to the left side crosses chords; so does the way from there down to
     the corner. From chords that are rather flat it goes down, and then to the left.
 
-    Parameters
-    ----------
-    at_left, at_bottom : v and u of chords' ends on these sides of the rectangle
-        One at the bottom left corner is among those on the left.
-    base : bool
-        Whether it is inside just above the bottom side, beside that corner.
+    ``at_left``, ``at_bottom``, v and u of chords' ends on these sides of the rectangle: one at the
+    bottom left corner is among those on the left.
+    ``base``: whether it is inside just above the bottom side, beside that corner.
     """
     n = chords.shape[0]
     for i in range(n):
@@ -361,4 +358,4 @@ def fill(points, places, front, count, faces):
 def points_of_pieces(table, piece, s, out):
     """Fill points (k, 2) of pieces (k,) at s (k,)."""
     for i in range(s.shape[0]):
-        out[i, 0], out[i, 1] = _halve(table, piece[i], s[i])
+        out[i, 0], out[i, 1] = point_of_piece(table, piece[i], s[i])

@@ -65,7 +65,7 @@ def point_of_arc(net, start, degree, s):
 
 
 @inner
-def _halve(table, p, s):
+def point_of_piece(table, p, s):
     """Return the point of piece p at s, within the box of the piece."""
     piece = table.piece
     x, y = point_of_arc(table.net, table.arc[p, 0], table.arc[p, 1], s)
@@ -100,7 +100,7 @@ def side_of_piece(table, p, u, v, du, dv):
         m = 0.5 * (a + b)
         if m in (a, b):
             return u < high, True
-        x, y = _halve(table, p, m)
+        x, y = point_of_piece(table, p, m)
         if abs(v - y) <= dv:
             is_near = True
         if v < y:
@@ -110,14 +110,14 @@ def side_of_piece(table, p, u, v, du, dv):
 
 
 @inner
-def _first_beyond(table, p, limit, of_x, grows):
+def first_beyond(table, p, limit, of_x, grows):
     """Return the s of a piece from its lower end on from which x or y is beyond a limit."""
     a, b = table.piece[p, S_LOW], table.piece[p, S_HIGH]
     while True:
         m = 0.5 * (a + b)
         if m in (a, b):
             return m
-        x, y = _halve(table, p, m)
+        x, y = point_of_piece(table, p, m)
         value = x if of_x else y
         if (value >= limit) == grows:
             b = m
@@ -136,16 +136,16 @@ def part_in_box(table, p, u, v, du, dv):
     forward = 1.0 if b >= a else -1.0
     first, last = a, b
     if ya < v - dv:
-        first = _first_beyond(table, p, v - dv, False, True)
+        first = first_beyond(table, p, v - dv, False, True)
     if yb > v + dv:
-        last = _first_beyond(table, p, v + dv, False, True)
+        last = first_beyond(table, p, v + dv, False, True)
     grows = xb >= xa
     near, far = (u - du, u + du) if grows else (u + du, u - du)
     if (xa < near) if grows else (xa > near):
-        s = _first_beyond(table, p, near, True, grows)
+        s = first_beyond(table, p, near, True, grows)
         first = s if (s - first) * forward > 0.0 else first
     if (xb > far) if grows else (xb < far):
-        s = _first_beyond(table, p, far, True, grows)
+        s = first_beyond(table, p, far, True, grows)
         last = s if (s - last) * forward < 0.0 else last
     return (last - first) * forward >= 0.0, first, last
 
@@ -163,12 +163,12 @@ def gap_to_piece(table, p, u, v, du, dv, px, py, pz, qx, qy, qz):
         return least
     for _ in range(PASSES):
         step = (last - first) / CHORDS
-        x, y = _halve(table, p, first)
+        x, y = point_of_piece(table, p, first)
         x, y = x - u, y - v
         ax, ay, az = x * px + y * qx, x * py + y * qy, x * pz + y * qz
         least, nearest = ax * ax + ay * ay + az * az, 0
         for k in range(1, CHORDS + 1):
-            x, y = _halve(table, p, first + k * step)
+            x, y = point_of_piece(table, p, first + k * step)
             x, y = x - u, y - v
             bx, by, bz = x * px + y * qx, x * py + y * qy, x * pz + y * qz
             cx, cy, cz = bx - ax, by - ay, bz - az
@@ -215,17 +215,9 @@ def state_of_tile(table, m, u, v):
 def classify(table, m, u, v, du, dv):
     """Tell on which side of the loops of member m a point of the unit square is.
 
-    Parameters
-    ----------
-    du, dv : float
-        Half sides of a rectangle about it; what rounding makes of the curves is added.
-
-    Returns
-    -------
-    is_inside : bool
-        Whether parity is odd.
-    may_be_near : bool
-        Whether a curve may enter the rectangle; if not, the side is certain.
+    ``du``, ``dv``: half sides of a rectangle about it; what rounding makes of the curves is added.
+    Returns ``is_inside``: whether parity is odd.
+    ``may_be_near``: whether a curve may enter the rectangle; if not, the side is certain.
     """
     u, v = min(max(u, WITHIN), 1.0 - WITHIN), min(max(v, WITHIN), 1.0 - WITHIN)
     du += table.error[m]
@@ -297,7 +289,7 @@ def mark_tiles(table, m, p, counts_u, counts_v, tile):
     parts = max(1, min(4 * n, np.int64(2.0 * n * (side_x + side_y)) + 1))
     grown = 0.5 / n + 2.0 * table.error[m]
     for k in range(1, parts + 1):
-        xk, yk = _halve(table, p, a + (b - a) * (k / parts))
+        xk, yk = point_of_piece(table, p, a + (b - a) * (k / parts))
         if k == parts:
             xk, yk = table.piece[p, X_HIGH], table.piece[p, Y_HIGH]
         i0, i1 = (min(x, xk) - grown) * n, (max(x, xk) + grown) * n

@@ -14,38 +14,21 @@ INSIDE = 1e-9
 
 
 class Pieces(NamedTuple):
-    """Patches and segments of profiles, k of them, relative to the middle of all.
+    """Patches and segments of profiles, k of them, relative to the middle of all."""
 
-    Attributes
-    ----------
-    control : (c, 4) float64
-        Points of nets, row by row; of profiles (axial position, radius). The last column is zero.
-    start : (k,) int64
-    degree : (k, 2) int64
-        The first is -1 for a profile.
-    frame : (k, 12) float64
-        Of a profile: origin, axis, radial, binormal.
-    """
-
+    # (c, 4): points of nets, row by row; of profiles (axial position, radius). The last column is
+    # zero.
     control: np.ndarray
-    start: np.ndarray
-    degree: np.ndarray
-    frame: np.ndarray
+    start: np.ndarray  # (k,) int64
+    degree: np.ndarray  # (k, 2) int64: the first is -1 for a profile
+    frame: np.ndarray  # (k, 12): of a profile: origin, axis, radial, binormal
 
 
 class Triangles(NamedTuple):
-    """The triangles of the coarse stage.
+    """The triangles of the coarse stage."""
 
-    Attributes
-    ----------
-    corner_uv : (f, 3, 2) float64
-        Parameters of each one's corners.
-    piece : (f,) int64
-        The piece that each one approximates.
-    """
-
-    corner_uv: np.ndarray
-    piece: np.ndarray
+    corner_uv: np.ndarray  # (f, 3, 2): parameters of each one's corners
+    piece: np.ndarray  # (f,) int64: the piece that each one approximates
 
 
 class Stepped(NamedTuple):

@@ -375,8 +375,7 @@ class Lens:
             at_rim = light.at(beside, rim)
         else:
             at_rim = Lens(self.prescription[:k], self.index)._through(beside, light).at(rim)
-        nearest: FloatArray = beside[np.hypot(*at_rim.T).argmin()]
-        return nearest
+        return beside[np.hypot(*at_rim.T).argmin()]
 
     @staticmethod
     def _refuse_field(light: _Light, rays: Traced, remedy: str) -> NoReturn:

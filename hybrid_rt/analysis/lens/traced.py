@@ -88,8 +88,7 @@ class Traced:
     def at(self, z: float) -> FloatArray:
         """Return the points (n, 2) at which the rays meet the plane across the axis at z."""
         way = (z - self.position[:, 2]) / self.direction[:, 2]
-        points: FloatArray = self.position[:, :2] + way[:, None] * self.direction[:, :2]
-        return points
+        return self.position[:, :2] + way[:, None] * self.direction[:, :2]
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
         """Write one row per ray as comma-separated text, UTF-8, with a header line.

@@ -20,16 +20,10 @@ def absorb(
 ) -> None:
     """Attenuate throughput by the Beer-Lambert law between ray origins and hits.
 
-    Parameters
-    ----------
-    context : RenderContext
-    media : (n, STACK) int32, changed
-        Medium stacks of the rays, see `hybrid_rt.shading.kernels.medium_stack`.
-    material : (n,) int32
-    hits : HitRecord of n rows
-    second : (n,) int32, or (0,)
-        Faces that coincide with the hits: see `Contacts.at`.
-    carried : (n, 3) float64, changed
+    ``material`` (n,) int32; ``hits``, HitRecord of n rows; ``carried`` (n, 3), changed.
+    ``media`` (n, STACK) int32, changed: medium stacks of the rays, see
+    `hybrid_rt.shading.kernels.medium_stack`.
+    ``second`` (n,) int32, or (0,): faces that coincide with the hits: see `Contacts.at`.
     """
     if context.plan["medium stack"]:
         scene = context.scene
@@ -48,13 +42,10 @@ def unclosed_bodies(context: RenderContext) -> tuple[dict[str, int], dict[str, i
     Such rays left a dielectric without having entered it, or never left it. Planes bound
     half-spaces, so they do not count.
 
-    Returns
-    -------
-    not_closed : dict
-        Of dielectrics with a surface that may be open; the names are those of such surfaces.
-    lost : dict
-        Of those made of spheres, boxes and tori, which are closed: their normals point inward, or
-        there are too many within each other.
+    Returns ``not_closed``: of dielectrics with a surface that may be open; the names are those of
+    such surfaces.
+    ``lost``: of those made of spheres, boxes and tori, which are closed: their normals point
+    inward, or there are too many within each other.
     """
     scene = context.scene
     not_closed: dict[str, int] = {}
@@ -78,5 +69,4 @@ def square_of_index(media: IntArray, lobes: LobeTable) -> FloatArray:
     ior = np.ones(len(media))
     if media.shape[1]:
         indices_within(ior, media, lobes)
-    square: FloatArray = ior * ior
-    return square
+    return ior * ior

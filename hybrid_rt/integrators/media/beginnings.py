@@ -37,20 +37,10 @@ def media_at(
     A ray from the point to infinity leaves each of them once more often than it enters it. These rays
     are not counted as work of the picture.
 
-    Parameters
-    ----------
-    context : RenderContext
-    contacts : Contacts or None
-        None if no dielectric touches another surface.
-    origins : (n, 3) float64
-    directions : (n, 3) or (1, 3) float64
-    source : HitRecord or NamedPoints of n rows, optional
-        The surface points, if the origins are such.
-
-    Returns
-    -------
-    (n, STACK) int32
-        The innermost ones, if there are more.
+    ``origins`` (n, 3); ``directions`` (n, 3) or (1, 3).
+    ``contacts``: None if no dielectric touches another surface.
+    ``source``, HitRecord or NamedPoints of n rows: the surface points, if the origins are such.
+    Returns (n, STACK) int32: the innermost ones, if there are more.
     """
     scene, tracer = context.scene, context.tracer.with_own_counters()
     contacts = None if contacts is None else contacts.with_tracer(tracer)
@@ -106,20 +96,10 @@ class MediaAroundCamera:
     1024 points of a lens or film are looked at. If all of them lie in the same bodies, so does all of it.
     Else each ray is looked at by itself.
 
-    Parameters
-    ----------
-    context : RenderContext
-    contacts : Contacts or None
-        None if no dielectric touches another surface.
-
-    Attributes
-    ----------
-    middle : (STACK,) int32
-        At the middle of the lens or film; (0,) without dielectrics.
-    differs : bool
-        Whether rays begin in several media.
-    is_in_the_open : bool
-        Whether all begin outside of all dielectrics.
+    ``contacts``: None if no dielectric touches another surface.
+    ``middle`` (STACK,) int32: at the middle of the lens or film; (0,) without dielectrics.
+    ``differs``: whether rays begin in several media.
+    ``is_in_the_open``: whether all begin outside of all dielectrics.
     """
 
     def __init__(self, context: RenderContext, contacts: Contacts | None) -> None:
@@ -179,18 +159,11 @@ class MediaAroundLights:
     256 points of each lamp are looked at. If all of them lie in the same bodies, so does the lamp. Else
     it lies in some of them in part, and each beginning is looked at by itself.
 
-    Parameters
-    ----------
-    context : RenderContext
-    contacts : Contacts or None
-        None if no dielectric touches another surface.
-    lights : iterable of int
-        Rows of the light table of which light is sent; the others count as in vacuum.
-
-    Attributes
-    ----------
-    differs : (lights + 1,) bool
-        Lamps of which not all points lie in the same bodies; the last row is the environment.
+    ``contacts``: None if no dielectric touches another surface.
+    ``lights``, iterable of int: rows of the light table of which light is sent; the others count as
+    in vacuum.
+    ``differs`` (lights + 1,) bool: lamps of which not all points lie in the same bodies; the last
+    row is the environment.
     """
 
     def __init__(
@@ -209,15 +182,10 @@ class MediaAroundLights:
     def at(self, light: IntArray, origins: FloatArray, directions: FloatArray) -> IntArray:
         """Return the medium stack of each beginning.
 
-        Parameters
-        ----------
-        light : (n,) int
-            The lights that they leave; the number of lights stands for the environment.
-        origins, directions : (n, 3) float64
-
-        Returns
-        -------
-        (n, STACK) int32; (n, 0) if the scene has no dielectric
+        ``origins``, ``directions`` (n, 3).
+        ``light`` (n,) int: the lights that they leave; the number of lights stands for the
+        environment.
+        Returns (n, STACK) int32; (n, 0) if the scene has no dielectric.
         """
         media: IntArray = self._around.take(light, axis=0)
         rows = np.flatnonzero(self.differs[light])

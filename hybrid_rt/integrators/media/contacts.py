@@ -30,20 +30,11 @@ def first_hits(
 ) -> tuple[HitRecord, IntArray]:
     """Return first hits and their second faces.
 
-    Parameters
-    ----------
-    tracer : Intersector
-    contacts : Contacts or None
-        None if no dielectric touches another surface: there are no second faces.
-    origins, directions : (n, 3) float64
-    source : HitRecord or NamedPoints of n rows, or None
-        Surface points that the rays leave.
-
-    Returns
-    -------
-    hits : HitRecord of n rows
-    second : (n,) int32, or (0,)
-        See `Contacts.at`.
+    ``origins``, ``directions`` (n, 3).
+    ``contacts``: None if no dielectric touches another surface: there are no second faces.
+    ``source``, HitRecord or NamedPoints of n rows, or None: surface points that the rays leave.
+    Returns ``hits`` HitRecord of n rows.
+    ``second`` (n,) int32, or (0,): see `Contacts.at`.
     """
     hits: HitRecord = tracer.intersect(origins, directions, source=source)
     if contacts is None:
@@ -52,13 +43,7 @@ def first_hits(
 
 
 class Contacts:
-    """Finds the second one of two coincident faces.
-
-    Parameters
-    ----------
-    scene : CompiledScene
-    tracer : Intersector
-    """
+    """Finds the second one of two coincident faces."""
 
     def __init__(self, scene: CompiledScene, tracer: Intersector) -> None:
         self._scene, self._tracer = scene, tracer
@@ -79,13 +64,10 @@ class Contacts:
     ) -> IntArray:
         """Return the second face of each hit, (n,) int32: see `hybrid_rt.shading.kernels.medium_stack`.
 
-        Parameters
-        ----------
-        hits : HitRecord of n rows, changed
-            A hit on a dielectric that lies on an opaque surface becomes a hit on the latter.
-        origins, directions : (n, 3) float64
-        source : HitRecord or NamedPoints of n rows, or None
-            Surface points that the rays leave.
+        ``origins``, ``directions`` (n, 3).
+        ``hits``, HitRecord of n rows, changed: a hit on a dielectric that lies on an opaque surface
+        becomes a hit on the latter.
+        ``source``, HitRecord or NamedPoints of n rows, or None: surface points that the rays leave.
         """
         second = np.zeros(len(hits), dtype=np.int32)
         rows = np.flatnonzero(hits.hit & self._touches[hits.object_id])

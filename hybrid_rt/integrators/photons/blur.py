@@ -34,10 +34,7 @@ class BlurSums:
 
     They are added up by runs, as `hybrid_rt.sensor.film.Film` adds pictures.
 
-    Parameters
-    ----------
-    height, width : int
-        Size of the picture.
+    ``height``, ``width``: size of the picture.
     """
 
     def __init__(self, height: int, width: int) -> None:

@@ -36,12 +36,7 @@ LAST = 1.0 - 2.0**-53
 
 
 class Branching:
-    """See the module.
-
-    Parameters
-    ----------
-    context : RenderContext
-    """
+    """See the module."""
 
     def __init__(self, context: RenderContext) -> None:
         scene = context.scene
@@ -55,14 +50,9 @@ class Branching:
     ) -> tuple[Paths, Shading, IntArray, FloatArray]:
         """Double the paths of which both branches are followed; return all with their choices.
 
-        Parameters
-        ----------
-        paths : Paths of n rows
-        shading : Shading of n rows
-        second : (n,) int32, or (0,)
-            Faces that coincide with the hits, see `Contacts.at`.
-        choice : (n, 2) float64
-            The first column chooses the branch.
+        ``paths``, Paths of n rows; ``shading``, Shading of n rows.
+        ``second`` (n,) int32, or (0,): faces that coincide with the hits, see `Contacts.at`.
+        ``choice`` (n, 2): the first column chooses the branch.
         """
         rows, share = self._both_branches(paths, shading, second)
         if rows.size == 0:

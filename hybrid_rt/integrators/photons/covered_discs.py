@@ -58,11 +58,8 @@ class ThinPlaces:
     At a straight edge half of a disc is empty, and beside it discs are full: there light is only blurred.
     Thin are places where less than `THIN` is covered, and those around which most discs have gaps.
 
-    Parameters
-    ----------
-    places : (n, 3) float64
-    reach : (n,) float64
-        Points within it have a thin place beside them.
+    ``places`` (n, 3).
+    ``reach`` (n,): points within it have a thin place beside them.
     """
 
     def __init__(self, places: FloatArray, reach: FloatArray) -> None:
@@ -94,8 +91,7 @@ class ThinPlaces:
             gaps = cKDTree(points.position[rows[n_met[rows] < stop]])
             ball = points.position[rows], AROUND * radius[rows]
             n_gaps, n = (tree.query_ball_point(*ball, return_length=True) for tree in (gaps, every))
-            share: FloatArray = n_gaps / n
-            return share
+            return n_gaps / n
 
         rows = np.arange(radius.size)
         # Most discs are full, and so are those around them, as few segments tell.
@@ -127,21 +123,11 @@ def one_over_coverage(
 ) -> tuple[FloatArray, FloatArray]:
     """Return, for each disc, an unbiased estimate of its area over that covered by surfaces.
 
-    Parameters
-    ----------
-    context : RenderContext
-    contacts : Contacts or None
-        Finds the surfaces that glass lies on.
-    points : Points
-    radius, height : (n,) float64
-        Of the disc, and how far from its plane photons may lie.
-    draw : Draw
-
-    Returns
-    -------
-    factor, mixed : (n,) float64
-        The factor is exactly 1 where no segment fails, on a plane. ``mixed`` is the share of the light that
-        other layers and other directions of the surface may have made different.
+    ``contacts``: finds the surfaces that glass lies on.
+    ``radius``, ``height`` (n,): of the disc, and how far from its plane photons may lie.
+    Returns ``factor``, ``mixed`` (n,): the factor is exactly 1 where no segment fails, on a plane.
+    ``mixed`` is the share of the light that other layers and other directions of the surface may
+    have made different.
     """
     n = radius.size
     n_sent, n_found, total, mixed = np.zeros((4, n))
@@ -181,14 +167,9 @@ def _covering(
     too far, not behind walls. A surface turned by an angle a has 1 / cos a of the area of its projection, and
     of even light (1 + cos a) / 2 comes from above the tangent plane, whence alone photons count.
 
-    Parameters
-    ----------
-    xi : (draws, rows, 2) float64 in [0, 1)
-
-    Returns
-    -------
-    weight, off : (draws, rows) float64
-        The weight is 0 where there is no surface, and 1 for a plane.
+    ``xi`` (draws, rows, 2) in [0, 1).
+    Returns ``weight``, ``off`` (draws, rows): the weight is 0 where there is no surface, and 1 for
+    a plane.
     """
     shape = xi.shape[:2]
     rows = np.tile(rows, shape[0])

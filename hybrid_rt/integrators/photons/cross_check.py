@@ -57,40 +57,24 @@ IN_A_CELL, HALVINGS, MOST_PLACES = 8, 20, 20_000
 
 @dataclass(frozen=True)
 class MeanEstimate:
-    """An estimate of the mean of a picture over pixels and channels.
+    """An estimate of the mean of a picture over pixels and channels."""
 
-    Attributes
-    ----------
-    n_photons : int
-        Photons traced.
-    n_seen : int
-        Those that the camera sees, or that are connected to what it sees.
-    n_effective : float
-        How many events of one size would have the same relative error; 0 if none of the photons of a light is seen.
-    mean : float
-    low, high : float
-        The 95 % interval of ``mean``: a score interval, as few bright photons make it skewed.
-    least : float
-        A limit that a true mean is below in one estimate of a thousand.
-    of_highlights : float
-        The part of ``mean`` that narrow lobes show of lights without area.
-    brightest_place : float
-        The radiance of the brightest place that reflects light widely, about: the mean of the channels
-        where `IN_A_CELL` photons lie closest together.
-    regions : (3, `REGIONS`) float64
-        Mean, variance and third central moment of what surely lights regions of the picture: all but
-        highlights, and photons seen in mirrors.
-    """
-
-    n_photons: int
-    n_seen: int
+    n_photons: int  # Photons traced
+    n_seen: int  # Those that the camera sees, or that are connected to what it sees
+    # How many events of one size would have the same relative error; 0 if none of the photons of a
+    # light is seen
     n_effective: float
     mean: float
+    # The 95 % interval of ``mean``: a score interval, as few bright photons make it skewed
     low: float
     high: float
-    least: float
-    of_highlights: float
+    least: float  # A limit that a true mean is below in one estimate of a thousand
+    of_highlights: float  # The part of ``mean`` that narrow lobes show of lights without area
+    # The radiance of the brightest place that reflects light widely, about: the mean of the
+    # channels where `IN_A_CELL` photons lie closest together
     brightest_place: float
+    # (3, `REGIONS`): mean, variance and third central moment of what surely lights regions of the
+    # picture: all but highlights, and photons seen in mirrors
     regions: FloatArray
 
     def least_of_regions(self, quantile: float) -> FloatArray:
@@ -105,18 +89,11 @@ class MeanEstimate:
 class CrossCheck:
     """An estimate of the mean of the light that an integrator finds, repeated with more photons if need be.
 
-    Parameters
-    ----------
-    context : RenderContext
-        Its counts are left alone; the seconds of coarse hits are added to its tracer's.
-    found : str
-        Regular expression of the paths that are found; see `hybrid_rt.integrators.light_found`.
-
-    Attributes
-    ----------
-    mean : MeanEstimate or None
-        None if there is nothing to compare: what is returned is not radiance, the camera is inside
-        glass, a light has no end (see `PhotonTracer`), or the light is too bright for float64.
+    ``context``: its counts are left alone; the seconds of coarse hits are added to its tracer's.
+    ``found``: regular expression of the paths that are found; see
+    `hybrid_rt.integrators.light_found`.
+    ``mean``: None if there is nothing to compare: what is returned is not radiance, the camera is
+    inside glass, a light has no end (see `PhotonTracer`), or the light is too bright for float64.
     """
 
     def __init__(self, context: RenderContext, found: str) -> None:
@@ -272,9 +249,7 @@ def _moments(
 
     Values that are not given are 0.
 
-    Returns
-    -------
-    (3, n_regions) float64
+    Returns (3, n_regions).
     """
     total = np.bincount(region, values, n_regions)
     mean = total / n
@@ -305,15 +280,13 @@ def _least(moments: FloatArray, quantile: float) -> FloatArray:
     root = np.maximum(1.0 - rare * rare / 9.0 - quantile * rare / 3.0, 0.0)
     is_rare = rare > 1e-6
     below = np.divide(error * (1.0 - root**3), rare, out=quantile * error, where=is_rare)
-    least: FloatArray = mean - below
-    return least
+    return mean - below
 
 
 def _event(moments: FloatArray) -> FloatArray:
     """Return the size of one event."""
     _, variance, third = moments
-    event: FloatArray = np.divide(third, variance, out=np.zeros_like(third), where=third > 0.0)
-    return event
+    return np.divide(third, variance, out=np.zeros_like(third), where=third > 0.0)
 
 
 def _brightest(position: FloatArray, light: FloatArray) -> float:

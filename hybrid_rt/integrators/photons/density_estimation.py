@@ -62,34 +62,19 @@ NO_RATIO = np.empty(0)
 
 @dataclass(frozen=True)
 class Points:
-    """Hit points of the eye pass ("measurement points" in PPM); n rows.
+    """Hit points of the eye pass ("measurement points" in PPM); n rows."""
 
-    Attributes
-    ----------
-    position, normal, direction : (n, 3) float64
-        Position, shading normal, and direction of the camera path's ray.
-    geometric : (n, 3) float64
-        Geometric normals, if they differ from ``normal``; else (0, 3).
-    material : (n,) int32
-    colors : (n, most lobes of a material, 3) float64
-        Zero for lobes that are left out.
-    is_direct : (n,) bool
-        The camera sees the point directly: photons that were splatted do not count there.
-    xi : (n,) float64 in [0, 1)
-        Samples one photon for each point.
-    widest : (n,) float64
-        Radius of a disc at most, unless it is given: see `widest_discs`.
-    """
-
+    # (n, 3): position, shading normal, and direction of the camera path's ray
     position: FloatArray
     normal: FloatArray
     direction: FloatArray
-    geometric: FloatArray
-    material: IntArray
-    colors: FloatArray
+    geometric: FloatArray  # (n, 3): geometric normals, if they differ from ``normal``; else (0, 3)
+    material: IntArray  # (n,) int32
+    colors: FloatArray  # (n, most lobes of a material, 3): zero for lobes that are left out
+    # (n,) bool: the camera sees the point directly: photons that were splatted do not count there
     is_direct: BoolArray
-    xi: FloatArray
-    widest: FloatArray
+    xi: FloatArray  # (n,) in [0, 1): samples one photon for each point
+    widest: FloatArray  # (n,): radius of a disc at most, unless it is given: see `widest_discs`
 
     def rows(self, rows: NDArray[np.intp]) -> Points:
         """Select rows."""
@@ -112,11 +97,7 @@ class Points:
 class Field(ABC):
     """Stored photons, arranged for density estimation.
 
-    Parameters
-    ----------
-    photons : Photons
-    lobes : LobeTable
-        Of the scene.
+    ``lobes``: of the scene.
     """
 
     def __init__(self, photons: Photons, lobes: LobeTable) -> None:
@@ -150,12 +131,7 @@ class Field(ABC):
         """
 
     def _add(
-        self,
-        pairs: Pairs,
-        radius: FloatArray,
-        points: Points,
-        xi: FloatArray,
-        sums: Sums,
+        self, pairs: Pairs, radius: FloatArray, points: Points, xi: FloatArray, sums: Sums
     ) -> None:
         add_photons(
             *pairs, radius, self._lobes, points.vertices, points.is_direct, self.photons, xi, sums
@@ -165,18 +141,12 @@ class Field(ABC):
 class Radii:
     """The initial radius (that of the first pass) around any point.
 
-    Parameters
-    ----------
-    classes : (classes,) float64
-        Largest radius of each class of points, increasing.
-    positions : (n, 3) float64
-        Positions of the first photons.
-    radius : (n,) float64
-        Distance within which each of these photons has the desired number of neighbours.
-    is_sparse : bool
-        Whether what is seen is small beside what the photons light.
-    is_given : bool
-        Whether the user asked for this radius: then it is that of every disc.
+    ``classes`` (classes,): largest radius of each class of points, increasing.
+    ``positions`` (n, 3): positions of the first photons.
+    ``radius`` (n,): distance within which each of these photons has the desired number of
+    neighbours.
+    ``is_sparse``: whether what is seen is small beside what the photons light.
+    ``is_given``: whether the user asked for this radius: then it is that of every disc.
     """
 
     def __init__(
@@ -259,13 +229,8 @@ class Radii:
 class Discs(Field):
     """Discs of given radius.
 
-    Parameters
-    ----------
-    photons, lobes
-        See `Field`.
-    radii : Radii
-    shrink : float
-        Factor on the initial radii.
+    ``photons``, ``lobes``: see `Field`.
+    ``shrink``: factor on the initial radii.
     """
 
     def __init__(self, photons: Photons, lobes: LobeTable, radii: Radii, shrink: float) -> None:
@@ -281,17 +246,9 @@ class Discs(Field):
     def shown_photons(self, points: Points, rows: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return, for some points, the nearest photon if it is one that was shown to the camera.
 
-        Parameters
-        ----------
-        points : Points
-        rows : (n,) int64
-            Points whose discs hold no photon to be gathered.
-
-        Returns
-        -------
-        (n,) int64
-            A photon within the point's disc, on its side of the surface, that does not count there
-            as it was splatted; -1 if there is none.
+        ``rows`` (n,) int64: points whose discs hold no photon to be gathered.
+        Returns (n,) int64: a photon within the point's disc, on its side of the surface, that does
+        not count there as it was splatted; -1 if there is none.
         """
         found = np.full(rows.size, -1, dtype=np.intp)
         if not len(self.photons.history):
@@ -356,13 +313,8 @@ class Discs(Field):
 class Nearest(Field):
     """Discs around the given number of nearest photons, with a largest radius.
 
-    Parameters
-    ----------
-    photons, lobes
-        See `Field`.
-    nearest : int
-    limit : float
-        Largest radius, scene units.
+    ``photons``, ``lobes``: see `Field`.
+    ``limit``: largest radius, scene units.
     """
 
     def __init__(self, photons: Photons, lobes: LobeTable, nearest: int, limit: float) -> None:

@@ -99,36 +99,20 @@ class PendingPoints:
 class EyePass(Integrator):
     """See the module; `Integrator` for what it offers.
 
-    Parameters
-    ----------
-    context : RenderContext
-
-    Attributes
-    ----------
-    photon_tracer : PhotonTracer
-        Traces the photons of this thread.
-    fields : tuple of Field
-        The photon maps of the current pass.
-    thin_places : ThinPlaces or None
-        Where discs are wider than what they lie on.
-    n_camera_rays : int
-        Camera rays through each pixel in a pass.
-    n_shadow_rays : int
-        Shadow rays from each point on a wide lobe.
-    casts_shadow_rays : bool
-        Whether there are any.
-    is_in_the_open : bool
-        Whether the camera is outside all dielectrics.
-    blur : (pixels, 3) float64
-        Radiance of this pass minus that by discs of half the area, from which the blur is
-        estimated. Written.
-    n_points, n_gathered, n_without : int
-        Points that gathered photons, photons that they gathered, and points that met none. Written.
-    n_shown : int
-        Those among ``n_without`` whose discs hold photons that were shown to the camera, judged by
-        some of them. Written.
-    shown_power : float
-        Power of these photons, of each block and pass once, at least. Written.
+    ``photon_tracer``: traces the photons of this thread.
+    ``fields``: the photon maps of the current pass.
+    ``thin_places``: where discs are wider than what they lie on.
+    ``n_camera_rays``: camera rays through each pixel in a pass.
+    ``n_shadow_rays``: shadow rays from each point on a wide lobe.
+    ``casts_shadow_rays``: whether there are any.
+    ``is_in_the_open``: whether the camera is outside all dielectrics.
+    ``blur`` (pixels, 3): radiance of this pass minus that by discs of half the area, from which the
+    blur is estimated. Written.
+    ``n_points``, ``n_gathered``, ``n_without``: points that gathered photons, photons that they
+    gathered, and points that met none. Written.
+    ``n_shown``: those among ``n_without`` whose discs hold photons that were shown to the camera,
+    judged by some of them. Written.
+    ``shown_power``: power of these photons, of each block and pass once, at least. Written.
     """
 
     def __init__(self, context: RenderContext) -> None:
@@ -367,8 +351,7 @@ class EyePass(Integrator):
         self.context.ledger.rays["to photons"] += apart.size
         with self.context.ledger.stage("photons hidden"):
             blocked = self.context.tracer.occluded(origin[apart], way[apart], 1.0)
-        hidden: NDArray[np.intp] = rows[apart[blocked]]
-        return hidden
+        return rows[apart[blocked]]
 
     def _onward(
         self, paths: Paths, shading: Shading, second: IntArray, depth: int, radiance: FloatArray

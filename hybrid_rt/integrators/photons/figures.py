@@ -12,34 +12,19 @@ NOT_MEASURED = "paths without a surface that spreads light widely"
 
 @dataclass(frozen=True)
 class LightNotFound:
-    """Light that an integrator does not find, of paths that meet a wide lobe.
+    """Light that an integrator does not find, of paths that meet a wide lobe."""
 
-    Attributes
-    ----------
-    photons : int
-        Photons traced.
-    max_depth : int
-        Bounces that they were followed for.
-    lost_share : float
-        What they carried there, over what they carried behind their first surface: about the share
-        of this light that has more bounces, and that ``mean`` lacks.
-    mean : float or None
-        What it would add to the mean of the picture over pixels and channels; None if not known.
-    half_interval_95 : float or None
-        None where nothing of a group of photons reaches the camera: what is seen so rarely has no
-        interval that holds.
-    why_unknown : str
-        Why there is no ``mean``; "": there is.
-    share_of_image_mean : float or None
-    not_measured : str
-    """
-
-    photons: int
-    max_depth: int
+    photons: int  # Photons traced
+    max_depth: int  # Bounces that they were followed for
+    # What they carried there, over what they carried behind their first surface: about the share of
+    # this light that has more bounces, and that ``mean`` lacks
     lost_share: float
+    # What it would add to the mean of the picture over pixels and channels; None if not known
     mean: float | None = None
+    # None where nothing of a group of photons reaches the camera: what is seen so rarely has no
+    # interval that holds
     half_interval_95: float | None = None
-    why_unknown: str = ""
+    why_unknown: str = ""  # Why there is no ``mean``; "": there is
     share_of_image_mean: float | None = None
     not_measured: str = NOT_MEASURED
 

@@ -46,12 +46,8 @@ class Splats(NamedTuple):
 class DensePlaces:
     """Where caustics are dense, judged by a first set of photons.
 
-    Parameters
-    ----------
-    position : (n, 3) float64
-        Positions of its caustic photons.
-    reach : (n,) float64
-        Radius around each in which caustics are dense; 0: they are not.
+    ``position`` (n, 3): positions of its caustic photons.
+    ``reach`` (n,): radius around each in which caustics are dense; 0: they are not.
     """
 
     def __init__(self, position: FloatArray, reach: FloatArray) -> None:
@@ -122,18 +118,12 @@ def shown_rows(
 ) -> tuple[NDArray[np.intp], Splats]:
     """Splat photons; return the rows of those that the camera sees, and their contributions.
 
-    Parameters
-    ----------
-    context : RenderContext
-    flight : Flight of n rows
-    shading : Shading of n rows
-        Their hits.
-    rows : (k,) int64
-        The photons to splat.
-    lens : (k, 2) float64 in [0, 1), or None
-        Points on the lens; None for a pinhole.
-    softened : LobeTable, optional
-        Narrow lobes to see the photons by, on both sides of rough glass. Default: the scene's wide lobes.
+    ``flight``, Flight of n rows.
+    ``shading``, Shading of n rows: their hits.
+    ``rows`` (k,) int64: the photons to splat.
+    ``lens`` (k, 2) in [0, 1), or None: points on the lens; None for a pinhole.
+    ``softened``: narrow lobes to see the photons by, on both sides of rough glass. Default: the
+    scene's wide lobes.
     """
     hits, geometric = shading.hits, shading.geometric
     lobes, asked = context.scene.lobes, WIDE

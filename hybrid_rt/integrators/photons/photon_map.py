@@ -33,11 +33,7 @@ BLUR = (
 class PhotonMapWorkers(PhotonWorkers):
     """See the module; `PhotonWorkers` for what it offers.
 
-    Parameters
-    ----------
-    context : RenderContext
-    threads : int
-        Each has an `EyePass` of its own.
+    ``threads``: each has an `EyePass` of its own.
     """
 
     def __init__(self, context: RenderContext, threads: int) -> None:

@@ -88,23 +88,10 @@ class Balance:
 class PhotonTracer:
     """Emits photons and traces them.
 
-    Parameters
-    ----------
-    context : RenderContext
-    contacts : Contacts or None
-        None if no dielectric touches another surface.
-
-    Attributes
-    ----------
-    balance : Balance
-    dense : DensePlaces or None
-        Where caustic photons are splatted; None: nowhere.
-
-    Raises
-    ------
-    ValueError
-        If an unbounded surface is emissive, or an environment lights an unbounded surface: photons
-        cannot be distributed uniformly there. The object is named.
+    ``contacts``: None if no dielectric touches another surface.
+    ``dense``: where caustic photons are splatted; None: nowhere.
+    Raises ValueError if an unbounded surface is emissive, or an environment lights an unbounded
+    surface: photons cannot be distributed uniformly there. The object is named.
     """
 
     def __init__(self, context: RenderContext, contacts: Contacts | None) -> None:
@@ -150,14 +137,8 @@ class PhotonTracer:
     ) -> tuple[Photons, list[Splats]]:
         """Trace the photons of a block together; return the stored photons and the splats.
 
-        Parameters
-        ----------
-        block : list of Piece
-        pass_number : int
-        dimension : int
-            First dimension of their random numbers.
-        least : int
-            Photons with a smaller ``history`` are not stored.
+        ``dimension``: first dimension of their random numbers.
+        ``least``: photons with a smaller ``history`` are not stored.
         """
         context = self.context
         stored: list[Photons] = []
@@ -228,12 +209,7 @@ class PhotonTracer:
         return Photons(*(column[:n].copy() for column in out))
 
     def _onward(
-        self,
-        flight: Flight,
-        shading: Shading,
-        second: IntArray,
-        step: int,
-        goes_on: bool,
+        self, flight: Flight, shading: Shading, second: IntArray, step: int, goes_on: bool
     ) -> Flight:
         """Choose where each photon goes; return those that go on."""
         hits, material, n = shading.hits, shading.material, flight.number.size

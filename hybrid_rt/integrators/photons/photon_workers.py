@@ -74,16 +74,8 @@ class PhotonPass(NamedTuple):
 class PhotonWorkers(Workers):
     """See the module; `Workers` for what it offers.
 
-    Parameters
-    ----------
-    context : RenderContext
-    threads : int
-
-    Attributes
-    ----------
-    may_miss : bool
-        Whether discs may be too small to hold photons: their radius was given, the view is small
-        beside what the photons light, or discs are cut to the size of a surface.
+    ``may_miss``: whether discs may be too small to hold photons: their radius was given, the view
+    is small beside what the photons light, or discs are cut to the size of a surface.
     """
 
     may_miss = False

@@ -39,12 +39,8 @@ def find_thin_places(
 ) -> ThinPlaces | None:
     """Find where discs are wider than what they lie on, by the points of a pilot set.
 
-    Parameters
-    ----------
-    context : RenderContext
-        Its counts are left alone.
-    radius_at : callable
-        Returns the radii (n,) of the discs of the first pass.
+    ``context``: its counts are left alone.
+    ``radius_at``: returns the radii (n,) of the discs of the first pass.
     """
     own = replace(context, tracer=context.tracer.with_own_counters(), ledger=Ledger())
     finder = _Finder(own, radius_at)

@@ -56,14 +56,7 @@ from hybrid_rt.scene.plan import make_plan
 from hybrid_rt.sensor.passes import GROUPS, RUN
 from hybrid_rt.shading.kernels.bsdf import LobeTable
 from hybrid_rt.shading.kernels.emitter import UNWEIGHTED
-from hybrid_rt.shading.kernels.lobes.register import (
-    DELTA,
-    EVERY,
-    FOLLOWED,
-    NARROW,
-    TRANSMITS,
-    WIDE,
-)
+from hybrid_rt.shading.kernels.lobes.register import DELTA, EVERY, FOLLOWED, NARROW, TRANSMITS, WIDE
 
 # Of more lights so many are chosen by each group of passes: each takes launches of its own.
 MOST_LIGHTS = 32
@@ -117,31 +110,18 @@ class Ends:
 class Probe(PhotonTracer):
     """Traces photons that begin in certain ways, and finds what the camera sees of them.
 
-    Parameters
-    ----------
-    context : RenderContext
-    contacts : Contacts or None
-    beginnings : Beginnings
-    chosen : (GROUPS, lights + 1) float64
-        Factors on the light of each, see `_chosen`.
-    dimension : int
-        The first of their random numbers.
-
-    Attributes
-    ----------
-    has_beginnings : bool
-        Whether the scene has surfaces, or light straight from lights, that paths begin with.
-    is_mixed : bool
-        Whether some of these surfaces are mixtures of which photons cannot follow the part alone.
-    begun : float
-        Power of the photons that began so, summed over channels. Written.
-    stored, number_of_stored : Photons and (n,) uint64
-        What camera rays may gather, if there is something to see it by. Written.
-    sees_every_light : bool
-        Whether the camera sees photons of each light. Written.
-    lit, light : (n, 3) and (n,) float64
-        Where photons met wide lobes, and what these reflect of them: the mean of the channels of the
-        power of all groups. Written.
+    ``chosen`` (GROUPS, lights + 1): factors on the light of each, see `_chosen`.
+    ``dimension``: the first of their random numbers.
+    ``has_beginnings``: whether the scene has surfaces, or light straight from lights, that paths
+    begin with.
+    ``is_mixed``: whether some of these surfaces are mixtures of which photons cannot follow the
+    part alone.
+    ``begun``: power of the photons that began so, summed over channels. Written.
+    ``stored``, ``number_of_stored``, Photons and (n,) uint64: what camera rays may gather, if there
+    is something to see it by. Written.
+    ``sees_every_light``: whether the camera sees photons of each light. Written.
+    ``lit``, ``light`` (n, 3) and (n,): where photons met wide lobes, and what these reflect of
+    them: the mean of the channels of the power of all groups. Written.
     """
 
     def __init__(
@@ -339,33 +319,21 @@ class Probe(PhotonTracer):
 
 def _number_of_group(number: NDArray[np.uint64]) -> NDArray[np.intp]:
     """Return the numbers of the `Group` of photons of `Probe.follow`."""
-    group: NDArray[np.intp] = ((number >> NUMBER_BITS) // np.uint64(GROUPS)).astype(np.intp)
-    return group
+    return ((number >> NUMBER_BITS) // np.uint64(GROUPS)).astype(np.intp)
 
 
 def group_of_photons(number: NDArray[np.uint64]) -> NDArray[np.intp]:
     """Return the group of passes of photons of `Probe.follow`."""
-    group: NDArray[np.intp] = ((number >> NUMBER_BITS) % np.uint64(GROUPS)).astype(np.intp)
-    return group
+    return ((number >> NUMBER_BITS) % np.uint64(GROUPS)).astype(np.intp)
 
 
 class View(EyePass):
     """Camera rays that gather photons where they arrive by way of mirrors, glass and metal.
 
-    Parameters
-    ----------
-    context : RenderContext
-    dimension : int
-        That of the random numbers of their places in the picture.
-
-    Attributes
-    ----------
-    place : (n,) int64
-        The pixels of the last camera rays, row by row. Written.
-    points : PendingPoints or None
-        Where they ended on wide lobes. Written.
-    gathered : (n,) float64
-        What photons gave them, the mean of the channels. Written.
+    ``dimension``: that of the random numbers of their places in the picture.
+    ``place`` (n,) int64: the pixels of the last camera rays, row by row. Written.
+    ``points``: where they ended on wide lobes. Written.
+    ``gathered`` (n,): what photons gave them, the mean of the channels. Written.
     """
 
     def __init__(self, context: RenderContext, dimension: int) -> None:
@@ -393,8 +361,7 @@ class View(EyePass):
         n_pixels = scene.camera.width * scene.camera.height
         self.place = np.minimum(place * (n_pixels / n), n_pixels - 1).astype(np.int64)
         pixel = self.place.astype(np.uint64) + (name << PIXEL_BITS)
-        found: FloatArray = self.radiance_through(pixel, sample).mean(axis=1)
-        return found
+        return self.radiance_through(pixel, sample).mean(axis=1)
 
     def gather_photons(self, photons: Photons, group: NDArray[np.intp]) -> None:
         """Let the last camera rays gather photons, in turn those of each group of passes."""
@@ -430,13 +397,8 @@ def context_for_photons(
 def first_surfaces(found: str, light: str, which: Callable[[Iterable[bool]], bool]) -> str:
     """Return the letters of first surfaces after which all paths are found, or any.
 
-    Parameters
-    ----------
-    found : str
-        Regular expression of the paths that are found.
-    light : str
-        The letter of the light.
-    which : `all` or `any`
+    ``found``: regular expression of the paths that are found.
+    ``light``: the letter of the light.
     """
     between = ["".join(word) for n in range(MOST_BETWEEN + 1) for word in product(TRAITS, repeat=n)]
     ends = [f"{word}{end}" for word in between for end in ("DE", "DSE", "DGE")]
@@ -452,11 +414,7 @@ def beginnings_of(
 ) -> list[Beginnings]:
     """Return how paths begin, the lights that are alike together.
 
-    Parameters
-    ----------
-    scene : CompiledScene
-    begin : callable
-        What `Beginnings` holds for the letter of a light.
+    ``begin``: what `Beginnings` holds for the letter of a light.
     """
     letters = dict.fromkeys(letters_of_lights(scene).tolist())
     if scene.environment is not None:
@@ -473,10 +431,8 @@ def probe_of(
 ) -> Probe | None:
     """Return what traces photons of these beginnings; None if nothing is seen of them.
 
-    Raises
-    ------
-    ValueError
-        If photons cannot be distributed uniformly, as on what has no end; see `PhotonTracer`.
+    Raises ValueError if photons cannot be distributed uniformly, as on what has no end; see
+    `PhotonTracer`.
     """
     scene = context.scene
     letters = letters_of_lights(scene)
@@ -498,14 +454,9 @@ def probe_of(
 def _chosen(power: FloatArray, sampler: Sampler, dimension: int) -> FloatArray:
     """Choose lights for each group of passes, evenly by power; of few lights all.
 
-    Parameters
-    ----------
-    power : (lights,) float64
-
-    Returns
-    -------
-    (GROUPS, lights + 1) float64
-        Factors on the light of each, the sky last: 0 if not chosen, 1 in the mean.
+    ``power`` (lights,).
+    Returns (GROUPS, lights + 1): factors on the light of each, the sky last: 0 if not chosen, 1 in
+    the mean.
     """
     factors = np.ones((GROUPS, power.size + 1))
     if np.count_nonzero(power) <= MOST_LIGHTS:

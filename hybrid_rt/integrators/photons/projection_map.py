@@ -35,16 +35,8 @@ Ball = tuple[FloatArray, float]
 def targets_of(scene: CompiledScene, throws: BoolArray) -> Targets:
     """Return the bounding spheres of all bounded surfaces that cast caustics.
 
-    Parameters
-    ----------
-    scene : CompiledScene
-    throws : (materials + 1,) bool
-        Materials that cast caustics; the last row is for `NOTHING`.
-
-    Returns
-    -------
-    Targets
-        The largest first; none lies within another.
+    ``throws`` (materials + 1,) bool: materials that cast caustics; the last row is for `NOTHING`.
+    Returns the largest first; none lies within another.
     """
     surfaces = [scene.surfaces[i] for i in np.flatnonzero(throws[scene.material_of])]
     others = [surface for surface in surfaces if surface.is_bounded and surface.ball is None]

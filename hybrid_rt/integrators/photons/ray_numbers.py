@@ -46,20 +46,14 @@ GATHER_COST = 3.0
 
 @dataclass(frozen=True)
 class Work:
-    """Variances of a pixel in one pass, relative to its square, and costs in rays per pixel.
+    """Variances of a pixel in one pass, relative to its square, and costs in rays per pixel."""
 
-    Attributes
-    ----------
-    of_camera_rays, of_shadow_rays, of_photons : float
-        Variances: that of one camera ray, that of one shadow ray from each of its points, and that
-        of the photons of a pass.
-    camera_rays, shadow_rays, photons : float
-        Their costs.
-    """
-
+    # Variances: that of one camera ray, that of one shadow ray from each of its points, and that of
+    # the photons of a pass
     of_camera_rays: float
     of_shadow_rays: float
     of_photons: float
+    # Their costs
     camera_rays: float
     shadow_rays: float
     photons: float
@@ -90,21 +84,11 @@ def measure_work(
 ) -> Work | None:
     """Measure what noise and cost of a pass come from.
 
-    Parameters
-    ----------
-    context : RenderContext
-        Its counts are left alone.
-    halves : two Discs
-        Every other photon of a pilot pass, and the rest.
-    of_pass : float
-        The variance of the photons of a pass over that of all these photons.
-    photon_rays : float
-        Rays of the photons of a pass.
-
-    Returns
-    -------
-    Work or None
-        None if light is beyond the largest number.
+    ``context``: its counts are left alone.
+    ``halves``, two Discs: every other photon of a pilot pass, and the rest.
+    ``of_pass``: the variance of the photons of a pass over that of all these photons.
+    ``photon_rays``: rays of the photons of a pass.
+    Returns None if light is beyond the largest number.
     """
     own = replace(context, tracer=context.tracer.with_own_counters(), ledger=Ledger())
     pilot, rays = _PilotEyePass(own, halves), own.ledger.rays
@@ -140,12 +124,9 @@ def measure_work(
 class _PilotEyePass(EyePass):
     """An eye pass that notes the variances of its direct light and of its photons.
 
-    Attributes
-    ----------
-    of_shadow_rays : (n, 3) float64
-        Variance of one shadow ray from each of a camera ray's points.
-    difference : (n, 3) float64
-        What one half of the photons adds to each camera ray minus what the other half adds.
+    ``of_shadow_rays`` (n, 3): variance of one shadow ray from each of a camera ray's points.
+    ``difference`` (n, 3): what one half of the photons adds to each camera ray minus what the other
+    half adds.
     """
 
     def __init__(self, context: RenderContext, halves: tuple[Discs, Discs]) -> None:

@@ -54,18 +54,11 @@ RAYS = 2
 def unfound_light(context: RenderContext, found: str) -> LightNotFound | None:
     """Estimate the light that is not found.
 
-    Parameters
-    ----------
-    context : RenderContext
-        Its counts are left alone; the seconds of coarse hits are added to its tracer's.
-    found : str
-        Regular expression of the paths that are found; see `hybrid_rt.integrators.light_found`.
-
-    Returns
-    -------
-    LightNotFound or None
-        None if it cannot be measured so: no such path meets a wide lobe, the camera is inside
-        glass, a light has no end (see `PhotonTracer`), or the light is too bright for float64.
+    ``context``: its counts are left alone; the seconds of coarse hits are added to its tracer's.
+    ``found``: regular expression of the paths that are found; see
+    `hybrid_rt.integrators.light_found`.
+    Returns None if it cannot be measured so: no such path meets a wide lobe, the camera is inside
+    glass, a light has no end (see `PhotonTracer`), or the light is too bright for float64.
     """
     camera = context.scene.camera
     n = min(max(camera.width * camera.height, FEWEST_PHOTONS), MOST_PHOTONS)

@@ -43,14 +43,11 @@ class AllLights(SurfaceLight):
     ) -> FloatArray:
         """Return the direct light at hits, (n, 3): the sum over all lights and the environment.
 
-        Parameters
-        ----------
-        shading : Shading of n rows
-        media : (n, STACK) int32, or (n, 0)
-            Medium stacks of the rays.
-        pixel, dimension, pass_number : (n,) uint64
-            Keys of the random numbers. Hit i uses the dimensions ``dimension[i] + 0, 1, ...``, one
-            for each light and one for the environment.
+        ``shading``, Shading of n rows.
+        ``media`` (n, STACK) int32, or (n, 0): medium stacks of the rays.
+        ``pixel``, ``dimension``, ``pass_number`` (n,) uint64: keys of the random numbers. Hit i
+        uses the dimensions ``dimension[i] + 0, 1, ...``, one for each light and one for the
+        environment.
         """
         context, n = self._context, len(shading.hits)
         # Planes that shine have no end, so no point can be sampled on them; what is dark sends nothing.

@@ -17,12 +17,7 @@ from numpy.typing import NDArray
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import NO_CONNECTION, largest_channel
-from hybrid_rt.integrators.integrator import (
-    BLOCK,
-    FIRST_PATH_DIMENSION,
-    CameraBlock,
-    Integrator,
-)
+from hybrid_rt.integrators.integrator import BLOCK, FIRST_PATH_DIMENSION, CameraBlock, Integrator
 from hybrid_rt.integrators.kernels.compaction import add_to_pixels
 from hybrid_rt.integrators.media.absorption import absorb, square_of_index
 from hybrid_rt.integrators.shading import NO_RATIO, Shading, glass_branches
@@ -39,33 +34,18 @@ LEAST_CONTRIBUTION = 1e-3
 
 @dataclass(frozen=True)
 class Branches:
-    """Active rays, in the order of their camera rays.
+    """Active rays, in the order of their camera rays."""
 
-    Attributes
-    ----------
-    depth : int
-        Number of reflections and refractions so far.
-    camera_ray : (n,) int64
-        Row in the block of camera rays.
-    node : (n,) uint64
-        Key of the branch's random numbers: its place in the ray tree, 1 at the camera.
-    origins, directions : (n, 3) float64
-        Directions are unit vectors.
-    throughput : (n, 3) float64
-    media : (n, STACK) int32
-        Medium stacks; (n, 0) if the scene has no dielectric.
-    source : HitRecord or None
-        Hits that the rays leave; None at the camera.
-    """
-
-    depth: int
-    camera_ray: NDArray[np.int64]
+    depth: int  # Number of reflections and refractions so far
+    camera_ray: NDArray[np.int64]  # (n,) int64: row in the block of camera rays
+    # (n,) uint64: key of the branch's random numbers: its place in the ray tree, 1 at the camera
     node: UIntArray
+    # (n, 3): directions are unit vectors
     origins: FloatArray
     directions: FloatArray
-    throughput: FloatArray
-    media: IntArray
-    source: HitRecord | None
+    throughput: FloatArray  # (n, 3)
+    media: IntArray  # (n, STACK) int32: medium stacks; (n, 0) if the scene has no dielectric
+    source: HitRecord | None  # Hits that the rays leave; None at the camera
 
     def __len__(self) -> int:
         """Return the number of rays."""
@@ -79,12 +59,7 @@ class Branches:
 
 
 class Whitted(Integrator):
-    """See the module; `Integrator` for what it offers.
-
-    Parameters
-    ----------
-    context : RenderContext
-    """
+    """See the module; `Integrator` for what it offers."""
 
     def __init__(self, context: RenderContext) -> None:
         super().__init__(context)

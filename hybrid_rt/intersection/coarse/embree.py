@@ -28,10 +28,7 @@ ROUNDED = 1e-5
 class CoarseScene:
     """Triangles in Embree.
 
-    Parameters
-    ----------
-    vertices : (v, 3) float64, world frame
-    faces : (f, 3) integer
+    ``vertices`` (v, 3), world frame; ``faces`` (f, 3) integer.
     """
 
     def __init__(self, vertices: FloatArray, faces: NDArray[np.integer[Any]]) -> None:
@@ -70,17 +67,9 @@ class CoarseScene:
     ) -> CoarseHits:
         """Return the first hits of rays on the triangles.
 
-        Parameters
-        ----------
-        origin, direction : (n, 3) float64
-            World frame.
-        t_min, t_max : (n,) float64
-            In lengths of ``direction``; Embree's float32 rounds them.
-
-        Returns
-        -------
-        CoarseHits of n rows
-            ``t`` in lengths of ``direction``.
+        ``origin``, ``direction`` (n, 3): world frame.
+        ``t_min``, ``t_max`` (n,): in lengths of ``direction``; Embree's float32 rounds them.
+        Returns CoarseHits of n rows: ``t`` in lengths of ``direction``.
         """
         n = len(origin)
         near, away = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32)

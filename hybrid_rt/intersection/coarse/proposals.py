@@ -39,17 +39,8 @@ STEP_OVER = 2.0**-18
 class Coarse:
     """Coarse hits on all surfaces that go to Embree.
 
-    Parameters
-    ----------
-    members : sequence of (object id, surface)
-    tolerance : absolute chordal tolerance, or None for ``relative`` times each surface's size
-    relative : float
-
-    Attributes
-    ----------
-    triangles : CoarseTriangles
-    n_objects : int
-        One more than the last object that has triangles.
+    ``members``, sequence of (object id, surface).
+    ``n_objects``: one more than the last object that has triangles.
     """
 
     def __init__(
@@ -91,10 +82,7 @@ class Coarse:
     def check_sizes(self, accuracy: str) -> None:
         """Check that Embree can tell the triangles of each surface apart, where it has the last word.
 
-        Raises
-        ------
-        ValueError
-            If a surface is too small beside all of them. It is named.
+        Raises ValueError if a surface is too small beside all of them. It is named.
         """
         for object_id, size in self._sizes:
             if size * self.scene.frame.to_frame < SMALLEST_SIZE:
@@ -119,16 +107,10 @@ class Coarse:
     ) -> list[IntArray]:
         """Return the initial guess for `trace` of each kind: (n,) int32, -1 for none.
 
-        Parameters
-        ----------
-        kinds : sequence of CurvedKind
-        rays : Rays of n rows
-        best : Nearest of n rows
-            Its t limits the search for coarse hits.
-        found : (n,) bool, written
-            Whether Embree has a hit.
-        watch : Stopwatch
-            Measures all of this.
+        ``rays``, Rays of n rows.
+        ``best``, Nearest of n rows: its t limits the search for coarse hits.
+        ``found`` (n,) bool, written: whether Embree has a hit.
+        ``watch``: measures all of this.
         """
         with watch:
             hits = self.scene.first(rays.origin, rays.direction, rays.t_min, best.t)
@@ -146,17 +128,11 @@ class Coarse:
     ) -> None:
         """Lower ``best`` to refined coarse hits, or without kinds (accuracy "mesh") to the hits.
 
-        Parameters
-        ----------
-        kinds : sequence of CurvedKind
-        rays : Rays of n rows
-        best : Nearest of n rows, changed
-        work : (counters,) float64, changed
-            Tally of `hybrid_rt.intersection.kernels.search.counters.COUNTER_NAMES`.
-        found : (n,) bool, changed
-            Set where Embree has a hit.
-        watch : Stopwatch
-            Measures Embree alone, without the refinement.
+        ``rays``, Rays of n rows; ``best``, Nearest of n rows, changed.
+        ``work`` (counters,), changed: tally of
+        `hybrid_rt.intersection.kernels.search.counters.COUNTER_NAMES`.
+        ``found`` (n,) bool, changed: set where Embree has a hit.
+        ``watch``: measures Embree alone, without the refinement.
         """
         rows = np.arange(len(best.t))
         t_start = rays.t_min.copy()

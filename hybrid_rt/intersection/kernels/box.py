@@ -4,15 +4,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.intersection.kernels.moved import not_zero
 from hybrid_rt.intersection.kernels.search.counters import NODES
-from hybrid_rt.intersection.kernels.search.members import offer_each, offer_near
+from hybrid_rt.intersection.kernels.search.members import finish_each, offer_each, offer_near
 from hybrid_rt.intersection.kernels.search.nearest import (
     CLEAR,
     WITHIN_BAND,
     begins_at,
     doubt_start,
     is_known,
+    not_zero,
     note_departure,
     offer,
 )
@@ -225,7 +225,4 @@ def finish_box(table, k, rays, best, i, out):
 @kernel
 def finish_boxes(table, rays, best, row_of, out):
     """Describe the hits on boxes."""
-    for i in range(best.t.shape[0]):
-        if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
-            continue
-        finish_box(table, row_of[best.object_id[i]], rays, best, i, out)
+    finish_each(finish_box, table, rays, best, row_of, out)

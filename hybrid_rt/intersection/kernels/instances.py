@@ -189,29 +189,17 @@ def _take_limits(i, k, rays, best, places, pairs):
 def next_places(places, members, rays, best, any_hit, walks, active, n_active, most, pairs):
     """Bring each ray that is still walking into the next places whose boxes it meets.
 
-    Parameters
-    ----------
-    places : Places
-    members : Members
-        A tree over places from ``members.begin`` on.
-    rays : Rays of n rows
-    best : Nearest of n rows
-    any_hit : bool
-        Rays that have a hit go no farther.
-    walks : Walks of n rows, changed
-    active : (n,) int64, changed
-        The first ``n_active`` are rows that are walking; afterwards those that go on.
-    most : int
-        Places of each ray.
-    pairs : Pairs of ``n_active * most`` rows or more, written
-        Their t is what is nearest so far, and a little more where a tie may be found.
-
-    Returns
-    -------
-    n_active : int
-    n_pairs : int
-    nodes : int
-        Nodes that were looked into.
+    ``rays``, Rays of n rows; ``best``, Nearest of n rows; ``walks``, Walks of n rows, changed.
+    ``members``: a tree over places from ``members.begin`` on.
+    ``any_hit``: rays that have a hit go no farther.
+    ``active`` (n,) int64, changed: the first ``n_active`` are rows that are walking; afterwards
+    those that go on.
+    ``most``: places of each ray.
+    ``pairs``, Pairs of ``n_active * most`` rows or more, written: their t is what is nearest so
+    far, and a little more where a tie may be found.
+    Returns ``n_active``.
+    ``n_pairs``.
+    ``nodes``: nodes that were looked into.
     """
     tree, begin, middle, to_frame = members
     n_pairs, n_left, all_nodes = 0, 0, 0
@@ -264,18 +252,12 @@ def keep_nearest(places, pairs, found, rays, best, member, primitive):
 
     Equal t: the lower object, then the lower place, surface, patch of it.
 
-    Parameters
-    ----------
-    places : Places
-    pairs : Pairs of m rows
-    found : Nearest of m rows
-        Its objects are the surfaces in a place.
-    rays : Rays of n rows
-        In its scratch is noted which rays begin on a face, see `search.nearest.note_departure`.
-    best : Nearest of n rows, changed
-        ``primitive`` becomes the place.
-    member, primitive : (n,) int32, changed
-        The surface, and the primitive on it.
+    ``pairs``, Pairs of m rows.
+    ``found``, Nearest of m rows: its objects are the surfaces in a place.
+    ``rays``, Rays of n rows: in its scratch is noted which rays begin on a face, see
+    `search.nearest.note_departure`.
+    ``best``, Nearest of n rows, changed: ``primitive`` becomes the place.
+    ``member``, ``primitive`` (n,) int32, changed: the surface, and the primitive on it.
     """
     for k in range(found.t.shape[0]):
         i, place, unit = pairs.row[k], pairs.place[k], pairs.unit[k]
@@ -331,18 +313,11 @@ def _image(a, j, c, p):
 def leave_places(places, pairs, found, first_patch, local, rays, best, out):
     """Bring hits that are described in the frames of places back into the world.
 
-    Parameters
-    ----------
-    places : Places
-    pairs : Pairs of m rows
-    found : Nearest of m rows
-    first_patch : (surfaces,) int64
-        Of each surface in a place.
-    local : Finished of m rows
-    rays : Rays of n rows
-    best : Nearest of n rows, changed
-        Its bounds, doubts and marks become those of ``found``, with what the frame has rounded.
-    out : Finished of n rows, written
+    ``pairs``, Pairs of m rows; ``found``, Nearest of m rows; ``local``, Finished of m rows;
+    ``rays``, Rays of n rows; ``out``, Finished of n rows, written.
+    ``first_patch`` (surfaces,) int64: of each surface in a place.
+    ``best``, Nearest of n rows, changed: its bounds, doubts and marks become those of ``found``,
+    with what the frame has rounded.
     """
     for k in range(found.t.shape[0]):
         i, place, unit = pairs.row[k], pairs.place[k], pairs.unit[k]

@@ -5,12 +5,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import product, two_difference
-from hybrid_rt.intersection.kernels.moved import not_zero
-from hybrid_rt.intersection.kernels.search.members import offer_each
+from hybrid_rt.intersection.kernels.search.members import finish_each, offer_each
 from hybrid_rt.intersection.kernels.search.nearest import (
     CLEAR,
     begins_at,
     doubt_start,
+    not_zero,
     note_departure,
     offer,
 )
@@ -128,7 +128,4 @@ def finish_plane(table, k, rays, best, i, out):
 @kernel
 def finish_planes(table, rays, best, row_of, out):
     """Describe the hits on planes."""
-    for i in range(best.t.shape[0]):
-        if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
-            continue
-        finish_plane(table, row_of[best.object_id[i]], rays, best, i, out)
+    finish_each(finish_plane, table, rays, best, row_of, out)

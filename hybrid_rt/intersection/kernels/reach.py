@@ -38,11 +38,8 @@ def padded(columns):
 def parallelogram_columns(corner, normal, row_u, row_v, size):
     """Return what `parallelograms_in_reach` reads, (15, more) float64; see `padded`.
 
-    Parameters
-    ----------
-    corner, normal, row_u, row_v : (k, 3) float64
-    size : (k,) float64
-        See `hybrid_rt.intersection.kernels.rectangle.RectangleTable`.
+    ``corner``, ``normal``, ``row_u``, ``row_v`` (k, 3).
+    ``size`` (k,): see `hybrid_rt.intersection.kernels.rectangle.RectangleTable`.
     """
     columns = []
     for rows in (normal, row_u, row_v):
@@ -71,16 +68,11 @@ def parallelograms_in_reach(columns, begin, end, ox, oy, oz, dx, dy, dz, t_min, 
     - -h > t_best s: it lies beyond the nearest root;
     - s u - h u' outside [0, s], or the same for v: it is met outside the rim.
 
-    Parameters
-    ----------
-    columns : (15, more) float64
-        See `parallelogram_columns`.
-    begin, end : int
-        At most `BLOCK` columns.
-    ox, oy, oz, dx, dy, dz : float
-        Origin and direction; the direction is scaled as in `Rays`.
-    t_min, t_best : float
-        The range in which a root has an effect.
+    ``columns`` (15, more): see `parallelogram_columns`.
+    ``begin``, ``end``: at most `BLOCK` columns.
+    ``ox``, ``oy``, ``oz``, ``dx``, ``dy``, ``dz``: origin and direction; the direction is scaled as
+    in `Rays`.
+    ``t_min``, ``t_best``: the range in which a root has an effect.
     """
     size = abs(ox) + abs(oy) + abs(oz)
     if not (t_min >= 0.0 and size < MOST):

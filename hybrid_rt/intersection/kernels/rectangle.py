@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import two_difference
-from hybrid_rt.intersection.kernels.moved import not_zero
 from hybrid_rt.intersection.kernels.parallelogram import onto_parallelogram, weights_of_point
 from hybrid_rt.intersection.kernels.reach import (
     ALL,
@@ -17,7 +16,7 @@ from hybrid_rt.intersection.kernels.reach import (
     parallelograms_in_reach,
 )
 from hybrid_rt.intersection.kernels.search.counters import NODES
-from hybrid_rt.intersection.kernels.search.members import offer_near
+from hybrid_rt.intersection.kernels.search.members import finish_each, offer_near
 from hybrid_rt.intersection.kernels.search.nearest import (
     CLEAR,
     WITHIN_BAND,
@@ -25,6 +24,7 @@ from hybrid_rt.intersection.kernels.search.nearest import (
     doubt,
     doubt_start,
     is_left_behind,
+    not_zero,
     note_departure,
     offer,
 )
@@ -202,12 +202,8 @@ def _offer_nearly_within(i, k, table, n_dot_d, rays, best):
 def _side_of_loops(i, k, u, v, t, band, trim, table, rays, best):
     """Decide about a root on trimmed parallelogram k; note a doubt if the band decides it is none.
 
-    Returns
-    -------
-    is_kept, is_within : bool
-        It is a hit; moving the ray by the band may change that.
-    edge : float
-        What the gap of an edge adds to the bound of t.
+    Returns ``is_kept``, ``is_within``: it is a hit; moving the ray by the band may change that.
+    ``edge``: what the gap of an edge adds to the bound of t.
     """
     if trim is None:  # an argument of its own: numba leaves the rest out where it is
         return True, False, 0.0
@@ -419,7 +415,4 @@ def is_edge(k, u, v, d, trim, table):
 @kernel
 def finish_rectangles(table, rays, best, row_of, out):
     """Describe the hits on parallelograms."""
-    for i in range(best.t.shape[0]):
-        if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
-            continue
-        finish_rectangle(table, row_of[best.object_id[i]], rays, best, i, out)
+    finish_each(finish_rectangle, table, rays, best, row_of, out)

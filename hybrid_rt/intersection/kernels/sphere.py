@@ -14,7 +14,6 @@ import numpy as np
 from hybrid_rt.core.kernels.arctangent import angle_of
 from hybrid_rt.core.kernels.compensated import product, two_difference
 from hybrid_rt.core.kernels.sphere_points import onto_sphere, power_of_point
-from hybrid_rt.intersection.kernels.moved import not_zero
 from hybrid_rt.intersection.kernels.reach import (
     ALL,
     BLOCK,
@@ -33,8 +32,8 @@ from hybrid_rt.intersection.kernels.search.axial_trims import (
 )
 from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.frame import share_of_turn, turned
-from hybrid_rt.intersection.kernels.search.members import offer_near
-from hybrid_rt.intersection.kernels.search.nearest import doubt, offer
+from hybrid_rt.intersection.kernels.search.members import finish_each, offer_near
+from hybrid_rt.intersection.kernels.search.nearest import doubt, not_zero, offer
 from hybrid_rt.intersection.kernels.search.rays import EDGE
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.trims import NEARBY, has_gap, side_of_tile
@@ -332,7 +331,4 @@ def is_edge(i, k, t, trim, table, rays):
 @kernel
 def finish_spheres(table, rays, best, row_of, out):
     """Describe the hits on spheres; ``row_of`` (objects,) is the object's row here or -1."""
-    for i in range(best.t.shape[0]):
-        if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
-            continue
-        finish_sphere(table, row_of[best.object_id[i]], rays, best, i, out)
+    finish_each(finish_sphere, table, rays, best, row_of, out)

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import product
-from hybrid_rt.intersection.kernels.moved import not_zero
 from hybrid_rt.intersection.kernels.search.counters import CELLS, NODES
 from hybrid_rt.intersection.kernels.search.frame import (
     any_normal,
@@ -25,6 +24,7 @@ from hybrid_rt.intersection.kernels.search.nearest import (
     begins_at,
     doubt,
     is_known,
+    not_zero,
     note_departure,
     offer,
 )

@@ -8,14 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import product, two_difference
-from hybrid_rt.intersection.kernels.moved import not_zero
 from hybrid_rt.intersection.kernels.parallelogram import onto_parallelogram, weights_of_point
 from hybrid_rt.intersection.kernels.search.counters import NODES
-from hybrid_rt.intersection.kernels.search.members import offer_each, offer_near
+from hybrid_rt.intersection.kernels.search.members import finish_each, offer_each, offer_near
 from hybrid_rt.intersection.kernels.search.nearest import (
     CLEAR,
     WITHIN_BAND,
     doubt_start,
+    not_zero,
     note_departure,
     offer,
 )
@@ -270,12 +270,9 @@ def _is_same_way(table, k, face, other, d):
 def _describe_face(table, k, face, x, y, z, i, out):
     """Fill row i for the point of a face next to (x, y, z), as seen from the box's corner.
 
-    Returns
-    -------
-    other : int
-        The face on the far side of the rim that (x, y, z) is beyond; -1: it is within.
-    gap : float
-        Distance of both points.
+    Returns ``other``: the face on the far side of the rim that (x, y, z) is beyond; -1: it is
+    within.
+    ``gap``: distance of both points.
     """
     axis, is_upper = face // 2, face % 2 == 1
     first, second = (axis + 1) % 3, (axis + 2) % 3
@@ -316,52 +313,54 @@ def _describe_face(table, k, face, x, y, z, i, out):
     return other, np.sqrt(gap)
 
 
+@inlined
+def _finish_turned_box(table, k, rays, best, i, out):
+    """Describe the hit of ray i on box k."""
+    o, d, t = rays.origin[i], rays.direction[i], best.t[i]
+    wx, ex = two_difference(o[0], table.corner[k, 0])
+    wy, ey = two_difference(o[1], table.corner[k, 1])
+    wz, ez = two_difference(o[2], table.corner[k, 2])
+    band = best.b[i]
+    if not best.a[i] > band and _margin(table, k, o, d) < band:
+        best.tangent[i] = WITHIN_BAND
+    x, y, z = wx + t * d[0] + ex, wy + t * d[1] + ey, wz + t * d[2] + ez
+    face = best.primitive[i]
+    other, gap = _describe_face(table, k, face, x, y, z, i, out)
+    for _ in range(2):
+        # Beside the edge of two nearly coplanar faces rounding hides which is met: the point is
+        # on the one and beyond the rim of the other.
+        if not gap > 0.125 * band or other < 0 or not _is_same_way(table, k, face, other, d):
+            break
+        beyond, closer = _describe_face(table, k, other, x, y, z, i, out)
+        if not closer < gap:
+            other, gap = _describe_face(table, k, face, x, y, z, i, out)
+            break
+        face, other, gap = other, beyond, closer
+    if gap > 0.125 * band and other >= 0:
+        # The ray passes an edge by what rounding allows: its point next to the edge.
+        edge = table.edge[k, 3 - face // 2 - other // 2]
+        along = d[0] * edge[0] + d[1] * edge[1] + d[2] * edge[2]
+        along /= edge[0] * edge[0] + edge[1] * edge[1] + edge[2] * edge[2]
+        ax, ay, az = d[0] - along * edge[0], d[1] - along * edge[1], d[2] - along * edge[2]
+        px, py, pz = (
+            out.position[i, 0] - table.corner[k, 0],
+            out.position[i, 1] - table.corner[k, 1],
+            out.position[i, 2] - table.corner[k, 2],
+        )
+        step = (px - x) * ax + (py - y) * ay + (pz - z) * az
+        step /= max(ax * ax + ay * ay + az * az, 1e-300)
+        t += step
+        best.t[i], best.t_bound[i] = t, best.t_bound[i] + abs(step)
+        x, y, z = x + step * d[0], y + step * d[1], z + step * d[2]
+        _describe_face(table, k, face, x, y, z, i, out)
+    out.patch_id[i] = face
+    gap = 0.0
+    for c in range(3):
+        gap += (out.position[i, c] - (o[c] + t * d[c])) ** 2
+    out.residual[i] = np.sqrt(gap)
+
+
 @kernel
 def finish_turned_boxes(table, rays, best, row_of, out):
     """Describe the hits on boxes."""
-    for i in range(best.t.shape[0]):
-        if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
-            continue
-        k = row_of[best.object_id[i]]
-        o, d, t = rays.origin[i], rays.direction[i], best.t[i]
-        wx, ex = two_difference(o[0], table.corner[k, 0])
-        wy, ey = two_difference(o[1], table.corner[k, 1])
-        wz, ez = two_difference(o[2], table.corner[k, 2])
-        band = best.b[i]
-        if not best.a[i] > band and _margin(table, k, o, d) < band:
-            best.tangent[i] = WITHIN_BAND
-        x, y, z = wx + t * d[0] + ex, wy + t * d[1] + ey, wz + t * d[2] + ez
-        face = best.primitive[i]
-        other, gap = _describe_face(table, k, face, x, y, z, i, out)
-        for _ in range(2):
-            # Beside the edge of two nearly coplanar faces rounding hides which is met: the point is
-            # on the one and beyond the rim of the other.
-            if not gap > 0.125 * band or other < 0 or not _is_same_way(table, k, face, other, d):
-                break
-            beyond, closer = _describe_face(table, k, other, x, y, z, i, out)
-            if not closer < gap:
-                other, gap = _describe_face(table, k, face, x, y, z, i, out)
-                break
-            face, other, gap = other, beyond, closer
-        if gap > 0.125 * band and other >= 0:
-            # The ray passes an edge by what rounding allows: its point next to the edge.
-            edge = table.edge[k, 3 - face // 2 - other // 2]
-            along = d[0] * edge[0] + d[1] * edge[1] + d[2] * edge[2]
-            along /= edge[0] * edge[0] + edge[1] * edge[1] + edge[2] * edge[2]
-            ax, ay, az = d[0] - along * edge[0], d[1] - along * edge[1], d[2] - along * edge[2]
-            px, py, pz = (
-                out.position[i, 0] - table.corner[k, 0],
-                out.position[i, 1] - table.corner[k, 1],
-                out.position[i, 2] - table.corner[k, 2],
-            )
-            step = (px - x) * ax + (py - y) * ay + (pz - z) * az
-            step /= max(ax * ax + ay * ay + az * az, 1e-300)
-            t += step
-            best.t[i], best.t_bound[i] = t, best.t_bound[i] + abs(step)
-            x, y, z = x + step * d[0], y + step * d[1], z + step * d[2]
-            _describe_face(table, k, face, x, y, z, i, out)
-        out.patch_id[i] = face
-        gap = 0.0
-        for c in range(3):
-            gap += (out.position[i, c] - (o[c] + t * d[c])) ** 2
-        out.residual[i] = np.sqrt(gap)
+    finish_each(_finish_turned_box, table, rays, best, row_of, out)

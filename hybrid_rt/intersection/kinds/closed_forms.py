@@ -95,13 +95,8 @@ class ClosedForm:
 def closed_forms(kinds: Sequence[Any], kind_of: IntArray, reach: FloatArray) -> ClosedForms | None:
     """Return the tables by which single rays are traced; None if a kind needs batches.
 
-    Parameters
-    ----------
-    kinds : sequence of Kind
-    kind_of : (objects,) int32
-        Index of each object's kind.
-    reach : (objects,) float64
-        The ``rounding_reach`` of each surface.
+    ``kind_of`` (objects,) int32: index of each object's kind.
+    ``reach`` (objects,): the ``rounding_reach`` of each surface.
     """
     names = [getattr(kind, "alone", "") for kind in kinds]
     if not all(names):

@@ -49,18 +49,11 @@ def closed_poles(
 ) -> FloatArray:
     """Describe the closed pole at each side of each patch.
 
-    Parameters
-    ----------
-    control : (total, 4) float64
-        Homogeneous nets about ``centre``, the last column 1 for polynomial patches.
-    start, degree, centre, object_id
-        Of k patches, as in `PatchTable`.
-
-    Returns
-    -------
-    (k, 4, `POLE_COLUMNS`) float64
-        For the sides u = 0, 1, v = 0, 1: the point about the patch's centre, the axis, ``steep`` and the
-        distance of the rim; all 0 where there is none.
+    ``control`` (total, 4): homogeneous nets about ``centre``, the last column 1 for polynomial
+    patches.
+    ``start``, ``degree``, ``centre``, ``object_id``: of k patches, as in `PatchTable`.
+    Returns (k, 4, `POLE_COLUMNS`): for the sides u = 0, 1, v = 0, 1: the point about the patch's
+    centre, the axis, ``steep`` and the distance of the rim; all 0 where there is none.
     """
     out = np.zeros((len(start), 4, POLE_COLUMNS))
     sectors: dict[tuple[int, ...], list[_Sector]] = {}

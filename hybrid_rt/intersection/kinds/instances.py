@@ -14,8 +14,8 @@ from hybrid_rt.intersection.kernels.instances import Pairs, Places, Walks
 from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.members import Members
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
-from hybrid_rt.intersection.kind import Finished, new_nearest, new_record, rows_of
-from hybrid_rt.intersection.margins import Probing
+from hybrid_rt.intersection.kind import Finished, finished_part, new_nearest, new_record, rows_of
+from hybrid_rt.intersection.margins import Probing, settle
 from hybrid_rt.intersection.members import in_frames, tree_over
 from hybrid_rt.intersection.ray_batch import locked
 from hybrid_rt.primitives.instances import Instances
@@ -61,17 +61,14 @@ class _Model:
             kind.finish(rays, best, self._kind_of, number, out)
         for number, kind in enumerate(self.kinds):
             if isinstance(kind, Probing):
-                kind.settle(rays, best, self._kind_of, number, out, work)
+                settle(kind, number, self._kind_of, rays, best, out, work)
 
 
 class InstanceKind:
     """First hits on surfaces in many places.
 
-    Parameters
-    ----------
-    members : sequence of (object id, Instances)
-    make : callable
-        Checks surfaces, and returns their `hybrid_rt.intersection.kinds.registry.Kinds`.
+    ``members``, sequence of (object id, Instances).
+    ``make``: checks surfaces, and returns their `hybrid_rt.intersection.kinds.registry.Kinds`.
     """
 
     def __init__(self, members: Sequence[tuple[int, Instances]], make: Make) -> None:
@@ -139,12 +136,7 @@ class InstanceSlice:
             self._walk(members, rays, best, any_hit, work)
 
     def _walk(
-        self,
-        members: Any,
-        rays: Rays,
-        best: Nearest,
-        any_hit: bool,
-        work: FloatArray,
+        self, members: Any, rays: Rays, best: Nearest, any_hit: bool, work: FloatArray
     ) -> None:
         """Walk through one tree: in each round each ray comes to its next places, and is traced there."""
         n, places = len(best.t), self._kind.places
@@ -202,13 +194,9 @@ class InstanceSlice:
         self, model: _Model, rows: NDArray[np.int64], rays: Rays, best: Nearest, out: Finished
     ) -> None:
         m, places = len(rows), self._kind.places
-        pairs, found, record = (
-            _new_pairs(m, len(rays.known) > 0),
-            new_nearest(np.empty(m)),
-            new_record(m),
-        )
+        pairs, found = _new_pairs(m, len(rays.known) > 0), new_nearest(np.empty(m))
         kernels.enter_again(places, rays, best, self._member, self._primitive, rows, pairs, found)
-        local = Finished(*(getattr(record, name) for name in Finished._fields))
+        local = finished_part(new_record(m))
         model.finish(_rays_of(pairs), found, local, self._work)
         kernels.leave_places(places, pairs, found, model.first_patch, local, rays, best, out)
 

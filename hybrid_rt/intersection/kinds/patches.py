@@ -35,19 +35,14 @@ from hybrid_rt.intersection.kernels.patch.trace import (
     settle_doubts,
     trace_patches,
 )
-from hybrid_rt.intersection.kernels.search.coarse import (
-    CoarseHits,
-    CoarseTriangles,
-    guess_cells,
-)
+from hybrid_rt.intersection.kernels.search.coarse import CoarseHits, CoarseTriangles, guess_cells
 from hybrid_rt.intersection.kernels.search.counters import NEWTONS
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tolerances import DEPTH, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_stack
 from hybrid_rt.intersection.kind import Finished, rows_of, widen_bounds
 from hybrid_rt.intersection.kinds.closed_poles import closed_poles
-from hybrid_rt.intersection.margins import Aim, Rows, suspects
-from hybrid_rt.intersection.margins import settle as settle_rows
+from hybrid_rt.intersection.margins import Aim, Probes, Rows, Search
 from hybrid_rt.intersection.sheets import Sheets
 from hybrid_rt.intersection.trims import may_hold_hits, no_trim, trim_of, trimmed_of, whole_of
 from meshing import BezierPatches, TrimmedSurface
@@ -85,15 +80,11 @@ class _Nets(NamedTuple):
 class PatchKind:
     """First hits on Bezier patches, all polynomial or all rational.
 
-    Parameters
-    ----------
-    members : sequence of (object id, BezierPatches, PatchSheet or TrimmedSurface of one of them)
-        All of them rational, or none, and all of them trimmed, or none; else TypeError.
-    pool : Pool
-        Shares the work of building.
-    finest : int
-        Largest number of cells per side of a patch. 0: no cells and no hierarchy, so only `refine`
-        and `finish` work.
+    ``members``, sequence of (object id, BezierPatches, PatchSheet or TrimmedSurface of one of
+    them): all of them rational, or none, and all of them trimmed, or none; else TypeError.
+    ``pool``: shares the work of building.
+    ``finest``: largest number of cells per side of a patch. 0: no cells and no hierarchy, so only
+    `refine` and `finish` work.
     """
 
     def __init__(
@@ -285,45 +276,41 @@ class PatchKind:
         )  # fmt: skip
         return accepted
 
-    def settle(
-        self,
-        rays: Rays,
-        best: Nearest,
-        kind_of: IntArray,
-        kind: int,
-        out: Finished,
-        work: FloatArray,
-    ) -> None:
-        """Find the hits on patches that moving the ray by the band would lose."""
-        rows = suspects(best, kind_of, kind)
-        if not len(rows):
-            return
-        table, n = self.table, len(rows)
+    @property
+    def frame(self) -> float:
+        """Size of all patches, world units."""
+        return 1.0 / self.table.to_frame
+
+    def aim(self, rays: Rays, best: Nearest, out: Finished, rows: Rows) -> Aim:
+        """Return where to displace rays whose hits are in doubt."""
+        n = len(rows)
         aim = Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
         aim_at_patches(self._told, rays, best, out, rows, self._new_basis(), *aim)
+        return aim
 
-        def follow(probes: Rays, which: Rows, aside: FloatArray, nearest: Nearest) -> None:
-            # A point stands for a triangle, of which the first corner counts.
-            k, m = best.primitive[which], len(which)
-            corners = np.repeat(np.column_stack([best.a[which], best.b[which]])[:, None], 3, axis=1)
-            points = CoarseTriangles(
-                np.empty((0, 3)), np.empty((0, 3), np.int64), table.object_id[k], table.patch_id[k],
-                corners,
-            )  # fmt: skip
-            starts = CoarseHits(
-                np.arange(m, dtype=np.int32), best.t[which], np.zeros(m), np.zeros(m)
-            )
-            self._refine(starts, points, self._first_patch, np.arange(m), probes, aside, nearest)
-            work[NEWTONS] += m
+    @property
+    def searches(self) -> tuple[Search, Search]:
+        """Newton from the hit, then the search."""
+        return self._follow, self._search
 
-        def retrace(probes: Rays, _: Rows, aside: FloatArray, nearest: Nearest) -> None:
-            moves = table.to_frame * aside
-            self._trace(probes, moves, _NO_CELLS, nearest, False, np.empty(0), work)
+    def _follow(self, probes: Probes, nearest: Nearest, work: FloatArray) -> None:
+        # A point stands for a triangle, of which the first corner counts.
+        before, rows, table = probes.before, probes.rows, self.table
+        k, m = before.primitive[rows], len(rows)
+        corners = np.repeat(np.column_stack([before.a[rows], before.b[rows]])[:, None], 3, axis=1)
+        points = CoarseTriangles(
+            np.empty((0, 3)), np.empty((0, 3), np.int64), table.object_id[k], table.patch_id[k],
+            corners,
+        )  # fmt: skip
+        starts = CoarseHits(np.arange(m, dtype=np.int32), before.t[rows], np.zeros(m), np.zeros(m))
+        self._refine(
+            starts, points, self._first_patch, np.arange(m), probes.rays, probes.aside, nearest
+        )
+        work[NEWTONS] += m
 
-        def describe(probes: Rays, nearest: Nearest, found: Finished) -> None:
-            self.finish(probes, nearest, kind_of, kind, found)
-
-        settle_rows(rows, rays, best, out, aim, 1.0 / table.to_frame, [follow, retrace], describe)
+    def _search(self, probes: Probes, nearest: Nearest, work: FloatArray) -> None:
+        moves = self.table.to_frame * probes.aside
+        self._trace(probes.rays, moves, _NO_CELLS, nearest, False, np.empty(0), work)
 
     def _new_basis(self) -> FloatArray:
         """Return scratch for Bernstein polynomials."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -46,57 +47,36 @@ SINGLE = (Sphere, Rectangle, Plane, Box)
 
 Members: TypeAlias = list[tuple[int, Any]]
 """Object ids and surfaces of one class."""
+Build: TypeAlias = Callable[[Members, str, Pool], Any]
+"""Takes members, accuracy and a pool, returns the kind; imports what no other scene needs."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """How rays intersect the surfaces of one class.
-
-    Attributes
-    ----------
-    surface : type
-    name : str
-        Name in the plan.
-    build : callable
-        Takes members, accuracy and a pool, returns the kind. It imports the kernels, so those that
-        a scene does not need are not loaded.
-    by_embree : tuple of str
-        Accuracies at which they have a coarse stage.
-    """
+    """How rays intersect the surfaces of one class."""
 
     surface: type[Surface]
-    name: str
-    build: Callable[[Members, str, Pool], Any]
-    by_embree: tuple[str, ...] = ()
+    name: str  # in the plan
+    build: Build
+    by_embree: tuple[str, ...] = ()  # accuracies at which they have a coarse stage
 
 
 class Kinds(NamedTuple):
-    """The kinds in a scene.
+    """The kinds in a scene."""
 
-    Attributes
-    ----------
-    direct, curved : kinds without and with a coarse stage
-    kind_of : (objects,) int32, index of each object's kind in ``direct + curved``
-    in_embree : object ids and surfaces with a coarse stage
-    plan : which features are used, with reasons
-    """
-
+    # kinds without and with a coarse stage
     direct: list[Kind]
     curved: list[CurvedKind]
-    kind_of: IntArray
-    in_embree: Members
-    plan: dict[str, dict[str, str]]
+    kind_of: IntArray  # (objects,) int32, index of each object's kind in ``direct + curved``
+    in_embree: Members  # object ids and surfaces with a coarse stage
+    plan: dict[str, dict[str, str]]  # which features are used, with reasons
 
 
 def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
     """Check and return the surfaces.
 
-    Raises
-    ------
-    TypeError
-        If an item is not a surface of a registered class.
-    ValueError
-        If one is too large, too small or too far away for float64 to compute with.
+    Raises TypeError if an item is not a surface of a registered class.
+    Raises ValueError if one is too large, too small or too far away for float64 to compute with.
     """
     for i, surface in enumerate(surfaces):
         if _entry_of(surface) is None:
@@ -141,12 +121,7 @@ def count_by_kind(surfaces: Sequence[Surface]) -> dict[str, int]:
 def make_kinds(surfaces: Sequence[Surface], accuracy: str, pool: Pool) -> Kinds:
     """Build the kinds that occur in a scene.
 
-    Parameters
-    ----------
-    surfaces : sequence of surfaces
-    accuracy : {"certified", "refined", "mesh"}
-    pool : Pool
-        Shares the work of building.
+    ``pool``: shares the work of building.
     """
     kinds = Kinds([], [], np.full(len(surfaces), -1, np.int32), [], {"used": {}, "left_out": {}})
     by_name = _members_of(surfaces)
@@ -213,68 +188,22 @@ def _members_of(surfaces: Sequence[Surface]) -> dict[str, Members]:
     return members
 
 
-def _spheres(members: Members, _accuracy: str, _pool: Pool) -> Kind:
-    from hybrid_rt.intersection.kernels import sphere as kernels
+def _closed_form(of: type[Surface], module: str, one: str, several: str) -> Entry:
+    """Return the entry of a class without a coarse stage, whose kernels are named after it."""
 
-    return ClosedForm(
-        members, kernels.sphere_table, kernels.trace_spheres, kernels.finish_spheres,
-        kernels.trace_sphere_tree, MANY[Sphere], alone="spheres",
-    )  # fmt: skip
+    def build(members: Members, _accuracy: str, _pool: Pool) -> Kind:
+        kernels = import_module(f"hybrid_rt.intersection.kernels.{module}")
+        return ClosedForm(
+            members,
+            getattr(kernels, f"{one}_table"),
+            getattr(kernels, f"trace_{several}"),
+            getattr(kernels, f"finish_{several}"),
+            getattr(kernels, f"trace_{one}_tree", None),  # none of what has no end
+            MANY.get(of, 0),
+            alone=several if of in SINGLE else "",
+        )
 
-
-def _rectangles(members: Members, _accuracy: str, _pool: Pool) -> Kind:
-    from hybrid_rt.intersection.kernels import rectangle as kernels
-
-    return ClosedForm(
-        members, kernels.rectangle_table, kernels.trace_rectangles, kernels.finish_rectangles,
-        kernels.trace_rectangle_tree, MANY[Rectangle], alone="rectangles",
-    )  # fmt: skip
-
-
-def _planes(members: Members, _accuracy: str, _pool: Pool) -> Kind:
-    from hybrid_rt.intersection.kernels import plane as kernels
-
-    return ClosedForm(
-        members, kernels.plane_table, kernels.trace_planes, kernels.finish_planes, alone="planes"
-    )
-
-
-def _boxes(members: Members, _accuracy: str, _pool: Pool) -> Kind:
-    from hybrid_rt.intersection.kernels import box as kernels
-
-    return ClosedForm(
-        members, kernels.box_table, kernels.trace_boxes, kernels.finish_boxes,
-        kernels.trace_box_tree, MANY[Box], alone="boxes",
-    )  # fmt: skip
-
-
-def _turned_boxes(members: Members, _accuracy: str, _pool: Pool) -> Kind:
-    from hybrid_rt.intersection.kernels import turned_box as kernels
-
-    return ClosedForm(
-        members, kernels.turned_box_table, kernels.trace_turned_boxes,
-        kernels.finish_turned_boxes, kernels.trace_turned_box_tree, MANY[TurnedBox],
-    )  # fmt: skip
-
-
-def _tori(members: Members, _accuracy: str, _pool: Pool) -> Kind:
-    from hybrid_rt.intersection.kernels.torus import trace as kernels
-    from hybrid_rt.intersection.kernels.torus.table import torus_table
-
-    return ClosedForm(
-        members, torus_table, kernels.trace_tori, kernels.finish_tori,
-        kernels.trace_torus_tree, MANY[Torus],
-    )  # fmt: skip
-
-
-def _aspheres(members: Members, _accuracy: str, _pool: Pool) -> Kind:
-    from hybrid_rt.intersection.kernels.asphere import trace as kernels
-    from hybrid_rt.intersection.kernels.asphere.table import asphere_table
-
-    return ClosedForm(
-        members, asphere_table, kernels.trace_aspheres, kernels.finish_aspheres,
-        kernels.trace_asphere_tree, MANY[Asphere],
-    )  # fmt: skip
+    return Entry(of, several.replace("_", " "), build)
 
 
 def _patches(members: Members, accuracy: str, pool: Pool) -> CurvedKind:
@@ -305,28 +234,18 @@ def _instances(members: Members, _accuracy: str, pool: Pool) -> Any:
 
 
 ENTRIES = (
-    Entry(Sphere, "spheres", _spheres),
-    Entry(Rectangle, "rectangles", _rectangles),
-    Entry(Plane, "planes", _planes),
-    Entry(Box, "boxes", _boxes),
-    Entry(TurnedBox, "turned boxes", _turned_boxes),
-    Entry(Torus, "tori", _tori),
-    Entry(Asphere, "aspheres", _aspheres),
+    _closed_form(Sphere, "sphere", "sphere", "spheres"),
+    _closed_form(Rectangle, "rectangle", "rectangle", "rectangles"),
+    _closed_form(Plane, "plane", "plane", "planes"),
+    _closed_form(Box, "box", "box", "boxes"),
+    _closed_form(TurnedBox, "turned_box", "turned_box", "turned_boxes"),
+    _closed_form(Torus, "torus.trace", "torus", "tori"),
+    _closed_form(Asphere, "asphere.trace", "asphere", "aspheres"),
     Entry(BezierPatches, "Bezier patches", _patches, ACCURACIES),
     Entry(RationalPatches, "rational patches", _patches, ACCURACIES),
-    Entry(
-        SurfaceOfRevolution,
-        "surfaces of revolution",
-        _revolutions,
-        ACCURACIES,
-    ),
+    Entry(SurfaceOfRevolution, "surfaces of revolution", _revolutions, ACCURACIES),
     # Certified hits on meshes come from a tree of our own, in float64 from the first box on.
-    Entry(
-        TriangleMesh,
-        "triangle meshes",
-        _triangles,
-        ("refined", "mesh"),
-    ),
+    Entry(TriangleMesh, "triangle meshes", _triangles, ("refined", "mesh")),
     # In their places surfaces have certified hits, whatever the accuracy.
     Entry(Instances, "instances", _instances),
 )
@@ -335,11 +254,7 @@ ENTRIES = (
 _BY_CLASS: dict[type, Entry] = {entry.surface: entry for entry in ENTRIES}
 # Which classes can be trimmed: the same kinds with loops, so that whole surfaces ask for none.
 _TRIMMED: dict[type, Entry] = {
-    entry.surface: replace(
-        entry,
-        surface=TrimmedSurface,
-        name=f"trimmed {entry.name}",
-    )
+    entry.surface: replace(entry, surface=TrimmedSurface, name=f"trimmed {entry.name}")
     for entry in ENTRIES
     if entry.surface.flip_of_uv
 }

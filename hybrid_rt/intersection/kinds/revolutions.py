@@ -63,12 +63,9 @@ STRAIGHT = 1e-10
 class RevolutionKind:
     """First hits on surfaces of revolution.
 
-    Parameters
-    ----------
-    members : sequence of (object id, SurfaceOfRevolution or TrimmedSurface of one)
-        All of them trimmed, or none; else TypeError.
-    many : int
-        Number of surfaces from which on a tree is used.
+    ``members``, sequence of (object id, SurfaceOfRevolution or TrimmedSurface of one): all of them
+    trimmed, or none; else TypeError.
+    ``many``: number of surfaces from which on a tree is used.
     """
 
     def __init__(
@@ -269,8 +266,7 @@ def _from_rounded(surface: SurfaceOfRevolution, centre: float, point: FloatArray
     ]  # fmt: skip
     gap = np.array([float(x) for x in exact])
     frame = np.stack([surface.radial, surface.binormal, surface.axis])
-    turned: FloatArray = frame @ gap
-    return turned
+    return frame @ gap
 
 
 def _describe_end(

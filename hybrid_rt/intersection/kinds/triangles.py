@@ -22,8 +22,7 @@ from hybrid_rt.intersection.kernels.triangle import (
     trace_triangles,
 )
 from hybrid_rt.intersection.kind import Finished
-from hybrid_rt.intersection.margins import Aim, Rows, suspects
-from hybrid_rt.intersection.margins import settle as settle_rows
+from hybrid_rt.intersection.margins import Aim, Probes, Rows, Search
 from hybrid_rt.intersection.members import SMALL_PART, frame_of, in_frames, tree_over
 from hybrid_rt.primitives import TriangleMesh
 
@@ -39,10 +38,7 @@ LEAF_SIZE = 4
 class TriangleKind:
     """First hits on triangle meshes.
 
-    Parameters
-    ----------
-    meshes : sequence of (object id, TriangleMesh)
-    search : whether `trace` is needed: a tree; else only `refine` and `finish` work
+    ``meshes``, sequence of (object id, TriangleMesh).
     """
 
     def __init__(self, meshes: Sequence[tuple[int, TriangleMesh]], search: bool = True) -> None:
@@ -126,30 +122,26 @@ class TriangleKind:
         """Describe the hits that are on meshes."""
         finish_triangles(self.table, rays, best, kind_of, kind, out)
 
-    def settle(
-        self,
-        rays: Rays,
-        best: Nearest,
-        kind_of: IntArray,
-        kind: int,
-        out: Finished,
-        work: FloatArray,
-    ) -> None:
-        """Find the hits on meshes that moving the ray by the band would lose."""
-        rows = suspects(best, kind_of, kind)
-        if not len(rows):
-            return
-        table, n = self.table, len(rows)
+    @property
+    def frame(self) -> float:
+        """Size of all meshes, world units."""
+        return 1.0 / self.table.to_frame
+
+    def aim(self, rays: Rays, best: Nearest, out: Finished, rows: Rows) -> Aim:
+        """Return where to displace rays whose hits are in doubt."""
+        del out
+        n = len(rows)
         aim = Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
-        aim_at_triangles(table, rays, best, rows, *aim)
+        aim_at_triangles(self.table, rays, best, rows, *aim)
+        return aim
 
-        def retrace(probes: Rays, _: Rows, aside: FloatArray, nearest: Nearest) -> None:
-            self._trace(probes, aside, nearest, False, work)
+    @property
+    def searches(self) -> tuple[Search]:
+        """The search alone: in a tree of triangles there is nothing quicker."""
+        return (self._search,)
 
-        def describe(probes: Rays, nearest: Nearest, found: Finished) -> None:
-            self.finish(probes, nearest, kind_of, kind, found)
-
-        settle_rows(rows, rays, best, out, aim, 1.0 / table.to_frame, [retrace], describe)
+    def _search(self, probes: Probes, nearest: Nearest, work: FloatArray) -> None:
+        self._trace(probes.rays, probes.aside, nearest, False, work)
 
 
 def _longest_side(corners: FloatArray) -> float:

@@ -113,8 +113,7 @@ def _corners(surface: Surface) -> FloatArray:
         low[i] + (high[i] - low[i]) * np.array(side)
         for i, side in enumerate(([0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]))
     )
-    corners: FloatArray = surface.point(u, v)
-    return corners
+    return surface.point(u, v)
 
 
 def _share_points(one: Surface, other: Surface) -> bool:
@@ -130,8 +129,7 @@ def _points_of(surface: Surface) -> FloatArray:
     share = (np.arange(ACROSS) + SHIFT) / ACROSS
     u, v = (a.ravel() for a in np.meshgrid(*(low + np.outer(share, high - low)).T))
     on = _is_on(surface, u, v)
-    points: FloatArray = surface.point(u[on], v[on])
-    return points
+    return surface.point(u[on], v[on])
 
 
 def _place_on(surface: Surface, points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -157,8 +155,7 @@ def _on_a_face(box: Surface, corners: FloatArray) -> BoolArray:
     slack = SLACK * np.abs(corners).max(initial=0.0) / np.linalg.norm(box.edges, axis=1).min()
     is_within = ((place > -RIM) & (place < 1.0 + RIM)).all(axis=(1, 2))
     is_on_one = [(np.abs(place - side) <= slack).all(axis=1).any(axis=1) for side in (0.0, 1.0)]
-    on_a_face: BoolArray = is_within & (is_on_one[0] | is_on_one[1])
-    return on_a_face
+    return is_within & (is_on_one[0] | is_on_one[1])
 
 
 def _overlap(

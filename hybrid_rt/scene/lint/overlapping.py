@@ -74,10 +74,7 @@ def _box_around(boxes: FloatArray) -> FloatArray:
 
 
 def _overlap_in_part(
-    tracer: Intersector,
-    one: list[int],
-    other: list[int],
-    boxes: FloatArray,
+    tracer: Intersector, one: list[int], other: list[int], boxes: FloatArray
 ) -> bool:
     """Tell whether a ray enters one body, then the other, and leaves the first one first."""
     low, high = boxes[:, 0].max(axis=0), boxes[:, 1].min(axis=0)

@@ -6,7 +6,7 @@ import pytest
 from hybrid_rt.lights import GradientSky
 from hybrid_rt.materials import Lambertian, Phong
 from hybrid_rt.primitives import Rectangle, Sphere
-from hybrid_rt.rendering.channels import OUTPUTS, geometric
+from hybrid_rt.rendering.channels import OUTPUTS, Output
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
@@ -88,12 +88,11 @@ def test_unknown_outputs_are_refused():
 def test_an_output_is_one_function(monkeypatch, tmp_path):
     """Registered under its name: rendered, and kept with the names of its parts."""
     exr = pytest.importorskip("OpenEXR")
-    monkeypatch.setitem(OUTPUTS, "facing", None)  # forgotten at the end
 
-    @geometric("U", "V")
     def facing(behind):
         return np.stack([behind.hits.front_face, behind.hits.normal[:, 2]], axis=1)
 
+    monkeypatch.setitem(OUTPUTS, "facing", Output(("U", "V"), facing))  # forgotten at the end
     result = render(SCENE, passes=1, outputs=["facing", "depth"])
     np.testing.assert_allclose(result.channels["facing"][5, 7], (1.0, 1.0), atol=1e-7)
     result.save(tmp_path / "a.exr")

@@ -85,13 +85,13 @@ MUTANTS = (
     ),
     # --- patches: bisection
     Mutant(
-        "Krawczyk without rounding term", "slow_solve",
+        "Krawczyk without rounding term", "_test_piece",
         "turn_v1) + (degree_u + degree_v) * rounding", "turn_v1)",
         "rounding in Krawczyk's test", PATCHES,
     ),
     Mutant(
-        "Krawczyk's test passed at q < 3", "slow_solve",
-        "            if q < 1.0:", "            if q < 3.0:",
+        "Krawczyk's test passed at q < 3", "_test_piece",
+        "if not q < 1.0:", "if not q < 3.0:",
         "at most one root in a piece", PATCHES,
     ),
     Mutant(
@@ -233,7 +233,7 @@ MUTANTS = (
         "rounding of projected nets", PATCHES,
     ),
     Mutant(
-        "Krawczyk's exclusion too wide", "slow_solve",
+        "Krawczyk's exclusion too wide", "_test_piece",
         "> 1.0 + q + gain * reach", "> 1.0 - 0.5 * q",
         "no root is excluded", PATCHES,
     ),

@@ -2,17 +2,18 @@
 
 import numpy as np
 
-from hybrid_rt.intersection.kernels.asphere.loops import doubt_kept, side_of_root
-from hybrid_rt.intersection.kernels.asphere.sag import gradient, look
 from hybrid_rt.intersection.kernels.asphere.solve import (
     bound_of_root,
+    doubt_kept,
     find_extremum,
     find_root,
+    gradient,
     is_grazing,
+    look,
+    side_of_root,
 )
 from hybrid_rt.intersection.kernels.asphere.table import bounds_between, noise_near
-from hybrid_rt.intersection.kernels.moved import not_zero
-from hybrid_rt.intersection.kernels.search.nearest import doubt, is_left_behind, offer
+from hybrid_rt.intersection.kernels.search.nearest import doubt, is_left_behind, not_zero, offer
 from hybrid_rt.intersection.kernels.search.tolerances import (
     MAX_PIECES,
     NEAR_BEGIN,

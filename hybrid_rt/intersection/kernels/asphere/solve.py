@@ -1,15 +1,68 @@
-"""Extremum and roots of g along a ray, how far off a root can be, and passages of the rim."""
+"""A ray in the frame of an asphere: how far it is above the sag, where, and what loops leave of that.
+
+Extremum and roots of g, how far off a root can be, passages of the rim; roots on trimmed aspheres.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
 
-from hybrid_rt.intersection.kernels.asphere.sag import gradient, look
+from hybrid_rt.intersection.kernels.search.axial_trims import LONG, side_about_axis, touches_kept
+from hybrid_rt.intersection.kernels.search.frame import share_of_turn
+from hybrid_rt.intersection.kernels.search.nearest import doubt
 from hybrid_rt.intersection.kernels.search.tolerances import APPROACHES, UNIT_ROUNDOFF
-from meshing.kernels.jit import inner
+from meshing.kernels.jit import inlined, inner
 
 # Steps toward an extremum or a root: Newton needs five, grazing rays more.
 MOST_STEPS = 60
 # g does not get nearer to zero than a few roundings of its own.
 SMALL = 4.0 * UNIT_ROUNDOFF
+# Beyond the rim the root goes on until this is left under it.
+LEAST_UNDER_ROOT = 2.0**-12
+
+
+class Line(NamedTuple):
+    """A ray in the frame of an asphere: x + s v, |v| = 1; and the conic that it meets."""
+
+    x: float
+    y: float
+    z: float
+    vx: float
+    vy: float
+    vz: float
+    across: float  # vx^2 + vy^2
+    turn: float  # x vx + y vy
+    curvature: float
+    under_root: float
+
+
+@inner
+def look(line, coefficient, k, s):
+    """Return g, g', g'' and F at s; ``coefficient`` is that of `AsphereTable`."""
+    x, y = line.x + s * line.vx, line.y + s * line.vy
+    w = x * x + y * y
+    root = np.sqrt(max(1.0 - line.under_root * w, LEAST_UNDER_ROOT))
+    rate = 0.5 * line.curvature / root
+    bend = 0.5 * rate * line.under_root / (root * root)
+    a = b = e = 0.0
+    q = w - coefficient[k, 0]
+    for j in range(coefficient.shape[1] - 1, 1, -1):
+        e = e * q + b
+        b = b * q + a
+        a = a * q + coefficient[k, j]
+    sag = line.curvature * w / (1.0 + root) + (coefficient[k, 1] + a * q)
+    rate += a + b * q
+    bend += 2.0 * (b + e * q)
+    turn = 2.0 * (x * line.vx + y * line.vy)
+    g = (line.z + s * line.vz) - sag
+    return g, line.vz - rate * turn, -(bend * turn * turn + 2.0 * rate * line.across), rate
+
+
+@inlined
+def gradient(line, s, rate):
+    """Return the length of the gradient of z - sag(w), where dsag / dw is ``rate``."""
+    x, y = line.x + s * line.vx, line.y + s * line.vy
+    return np.sqrt(1.0 + 4.0 * (x * x + y * y) * rate * rate)
 
 
 @inner
@@ -137,3 +190,39 @@ def pass_rim(line, radius, height, s, band):
     x, y = line.x + s * line.vx, line.y + s * line.vy
     up, out = line.z + s * line.vz - height, np.sqrt(x * x + y * y) - radius
     return s if up * up + out * out <= band * band else np.inf
+
+
+@inlined
+def side_of_root(trim, k, line, s, table, band):
+    """Decide about a root at s on asphere k, see `side_about_axis`; return its u and v as well."""
+    if trim is None:
+        return True, False, 0.0, 0.0, 0.0
+    x, y = line.x + s * line.vx, line.y + s * line.vy
+    rho, rim = np.sqrt(x * x + y * y), table.rim[k, 0]
+    rate = look(line, table.coefficient, k, s)[3]
+    u, v, out = share_of_turn(y, x), min(rho / rim, 1.0), rim
+    if table.orientation[k] < 0.0:
+        v, out = 1.0 - v, -rim
+    is_hit, is_within, edge = side_about_axis(
+        trim, k, x, y, u, v, out, 2.0 * rho * rate * out, line.vx, line.vy, line.vz, band
+    )
+    return is_hit, is_within, edge, u, v
+
+
+@inner
+def grazes_kept(trim, k, line, s, table, band):
+    """Tell whether the asphere where a ray grazes it, or its rim, around s may be inside the loops."""
+    if trim is None:
+        return True
+    x, y, rim = line.x + s * line.vx, line.y + s * line.vy, table.rim[k, 0]
+    v = min(np.sqrt(x * x + y * y) / rim, 1.0)
+    if table.orientation[k] < 0.0:
+        v = 1.0 - v
+    return touches_kept(trim, k, x, y, v, rim, LONG * np.sqrt(band))
+
+
+@inner
+def doubt_kept(i, k, line, s, t, band, table, rays, best):
+    """Note that the asphere passes within the band of ray i at s, if it may be inside the loops there."""
+    if grazes_kept(table.trim, k, line, s, table, band):
+        doubt(i, t, band / table.to_frame[k], rays.t_min, rays.known, best)

@@ -20,10 +20,16 @@ Analysis", SIAM 2009.
 
 import numpy as np
 
-from hybrid_rt.intersection.kernels.asphere.loops import doubt_kept, side_of_root
-from hybrid_rt.intersection.kernels.asphere.sag import Line, gradient, look
 from hybrid_rt.intersection.kernels.asphere.search import search
-from hybrid_rt.intersection.kernels.asphere.solve import pass_rim
+from hybrid_rt.intersection.kernels.asphere.solve import (
+    Line,
+    doubt_kept,
+    gradient,
+    look,
+    pass_rim,
+    side_of_root,
+)
+from hybrid_rt.intersection.kernels.asphere.table import asphere_table  # noqa: F401  (for the registry)
 from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.frame import (
     MARGIN,
@@ -35,7 +41,7 @@ from hybrid_rt.intersection.kernels.search.frame import (
     turned,
     turned_point,
 )
-from hybrid_rt.intersection.kernels.search.members import offer_each, offer_near
+from hybrid_rt.intersection.kernels.search.members import finish_each, offer_each, offer_near
 from hybrid_rt.intersection.kernels.search.rays import EDGE
 from hybrid_rt.intersection.kernels.search.trims import has_gap
 from meshing.kernels.jit import inlined, inner, kernel
@@ -139,36 +145,38 @@ def is_edge(i, k, line, trim, table, rays):
     return side_of_root(trim, k, along, 0.0, table, 0.0)[2] > 0.0
 
 
+@inlined
+def _finish_asphere(table, k, rays, best, i, out):
+    """Describe the hit of ray i on asphere k."""
+    c, e, to_frame = table.origin[k], table.frame[k], table.to_frame[k]
+    x, y, z = turned_point(i, rays, best.t[i], c, e, to_frame)
+    # Rounding may have put it beyond the rim.
+    rho, rim = np.sqrt(x * x + y * y), table.rim[k, 0]
+    if rho > rim:
+        x, y, rho = x * (rim / rho), y * (rim / rho), rim
+    line = Line(
+        x, y, z, 0.0, 0.0, 0.0, 0.0, 0.0, table.curvature[k], table.under_root[k]
+    )  # fmt: skip
+    g, _, _, rate = look(line, table.coefficient, k, 0.0)
+    size = gradient(line, 0.0, rate)
+    s = table.orientation[k]
+    out.residual[i] = abs(g) / to_frame
+    if has_gap(table.trim, k) and is_edge(i, k, line, table.trim, table, rays):
+        out.flags[i] |= EDGE
+    z -= g
+    nx, ny, nz = 2.0 * rate * x * s / size, 2.0 * rate * y * s / size, -s / size
+    for j in range(3):
+        out.position[i, j] = c[j] + (x * e[0, j] + y * e[1, j] + z * e[2, j]) / to_frame
+        out.normal[i, j] = nx * e[0, j] + ny * e[1, j] + nz * e[2, j]
+    v = min(rho / rim, 1.0)
+    if table.trim is None:
+        out.u[i], out.v[i] = share_of_turn(y, x), (v if s > 0.0 else 1.0 - v)
+    else:
+        out.u[i], out.v[i] = best.a[i], best.b[i]
+    out.patch_id[i] = 0
+
+
 @kernel
 def finish_aspheres(table, rays, best, row_of, out):
     """Describe the hits on aspheres; ``row_of`` (objects,) is the object's row here or -1."""
-    for i in range(best.t.shape[0]):
-        if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
-            continue
-        k = row_of[best.object_id[i]]
-        c, e, to_frame = table.origin[k], table.frame[k], table.to_frame[k]
-        x, y, z = turned_point(i, rays, best.t[i], c, e, to_frame)
-        # Rounding may have put it beyond the rim.
-        rho, rim = np.sqrt(x * x + y * y), table.rim[k, 0]
-        if rho > rim:
-            x, y, rho = x * (rim / rho), y * (rim / rho), rim
-        line = Line(
-            x, y, z, 0.0, 0.0, 0.0, 0.0, 0.0, table.curvature[k], table.under_root[k]
-        )  # fmt: skip
-        g, _, _, rate = look(line, table.coefficient, k, 0.0)
-        size = gradient(line, 0.0, rate)
-        s = table.orientation[k]
-        out.residual[i] = abs(g) / to_frame
-        if has_gap(table.trim, k) and is_edge(i, k, line, table.trim, table, rays):
-            out.flags[i] |= EDGE
-        z -= g
-        nx, ny, nz = 2.0 * rate * x * s / size, 2.0 * rate * y * s / size, -s / size
-        for j in range(3):
-            out.position[i, j] = c[j] + (x * e[0, j] + y * e[1, j] + z * e[2, j]) / to_frame
-            out.normal[i, j] = nx * e[0, j] + ny * e[1, j] + nz * e[2, j]
-        v = min(rho / rim, 1.0)
-        if table.trim is None:
-            out.u[i], out.v[i] = share_of_turn(y, x), (v if s > 0.0 else 1.0 - v)
-        else:
-            out.u[i], out.v[i] = best.a[i], best.b[i]
-        out.patch_id[i] = 0
+    finish_each(_finish_asphere, table, rays, best, row_of, out)

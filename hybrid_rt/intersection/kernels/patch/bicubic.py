@@ -13,17 +13,13 @@ from llvmlite import ir
 from numba.core import cgutils, config, types
 from numba.extending import intrinsic
 
-from hybrid_rt.intersection.kernels.search.vectors import load, spread
+from hybrid_rt.intersection.kernels.search.boxes import load, spread
 
 
 def evaluate_bicubic_plain(control: Any, start: int, u: float, v: float) -> Any:
     """Return S, S_u, S_v (nine numbers) of the patch whose net begins at row ``start``.
 
-    Parameters
-    ----------
-    control : (total, 4) float64
-    start : int
-    u, v : float
+    ``control`` (total, 4).
     """
     out = _plain(3, control, start, u, v)
     return tuple(out[4 * k + c] for k in range(3) for c in range(3))

@@ -114,10 +114,8 @@ def _steps(ux, uy, uz, vx, vy, vz, dx, dy, dz, det, band, bend, k):
 def _is_closed_around(bend, k, ox, oy, oz, dx, dy, dz, x, y, z, band, error):
     """Tell whether a root is beside a closed pole that no ray moved by the band would miss.
 
-    Returns
-    -------
-    is_closed
-    open_by : how far along the ray rounding leaves it open which meridian it meets
+    Returns is_closed.
+    ``open_by`` how far along the ray rounding leaves it open which meridian it meets.
     """
     dd = dx * dx + dy * dy + dz * dz
     for side in range(4):
@@ -253,18 +251,13 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
 def aim_at_patches(table, rays, best, out, rows, basis, bands, outward, is_edge):
     """Say where to move rays whose hits are `SUSPECT`.
 
-    Parameters
-    ----------
-    table, rays, best, out
-        As for `finish_patches`, which has been here.
-    rows : (k,) int64
-    basis : scratch
-    bands : (k,) float64, written
-        64 eps x scale, world units.
-    outward : (k, 3) float64, written
-        A unit normal of the ray; at a border of the patch, straight across it and out.
-    is_edge : (k,) bool, written
-        Whether it is one border that the root is near, and nothing else.
+    ``rows`` (k,) int64.
+    ``table``, ``rays``, ``best``, ``out``: as for `finish_patches`, which has been here.
+    ``bands`` (k,), written: 64 eps x scale, world units.
+    ``outward`` (k, 3), written: a unit normal of the ray; at a border of the patch, straight across
+    it and out.
+    ``is_edge`` (k,) bool, written: whether it is one border that the root is near, and nothing
+    else.
     """
     middle = table.middle
     for j in range(rows.shape[0]):

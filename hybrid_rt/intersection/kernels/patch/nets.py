@@ -117,10 +117,8 @@ def depth_of(net, i, j, rational):
 def weights_of(net, degree_u, degree_v, rational):
     """Bound the weights of a piece and how they turn: over half a piece, and part of the smallest.
 
-    Returns
-    -------
-    most : largest weight
-    turn : how far W changes from the middle of the piece to a border, over the smallest weight
+    Returns ``most`` largest weight.
+    ``turn`` how far W changes from the middle of the piece to a border, over the smallest weight.
     """
     if rational is None or not rational:
         return 1.0, 0.0

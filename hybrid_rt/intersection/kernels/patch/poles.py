@@ -146,19 +146,10 @@ def _start(cone, last_a, last_b, x, y, away):
 def meet_pole(net, degree_u, degree_v, rational, side, slop, reach, cone):
     """Say what a ray meets of a piece whose side is collapsed.
 
-    Parameters
-    ----------
-    net : in ray coordinates: across the ray, from it
-    side : int
-        See `collapsed_side`.
-    slop, reach : float
-        Rounding of a coordinate; how far away pieces matter.
-    cone : scratch, like ``net``
-
-    Returns
-    -------
-    known : one of the constants above
-    a, b : where to begin Newton's iteration, along the side and away from it, in [0, 1]
+    ``side``: see `collapsed_side`.
+    ``slop``, ``reach``: rounding of a coordinate; how far away pieces matter.
+    Returns ``known`` one of the constants above.
+    ``a``, ``b`` where to begin Newton's iteration, along the side and away from it, in [0, 1].
     """
     last_a, last_b, p, q = _turn(net, degree_u, degree_v, side, rational, cone)
     away = np.sqrt(p * p + q * q)

@@ -9,15 +9,9 @@ from meshing.kernels.jit import kernel
 def name_on_sheet(object_id, number, spans, patch_id, u, v):
     """Replace u and v of the hits on one object by those across its sheet.
 
-    Parameters
-    ----------
-    object_id : (n,) int32
-    number : int
-        The sheet's.
-    spans : (k, 4) float64
-        u0, u1, v0, v1 of each patch.
-    patch_id : (n,) int32
-    u, v : (n,) float64, changed
+    ``object_id`` (n,) int32; ``patch_id`` (n,) int32; ``u``, ``v`` (n,), changed.
+    ``number``: the sheet's.
+    ``spans`` (k, 4): u0, u1, v0, v1 of each patch.
     """
     for i in range(object_id.shape[0]):
         if object_id[i] == number:

@@ -11,7 +11,7 @@ from llvmlite import ir
 from numba.core import cgutils, config, types
 from numba.extending import intrinsic
 
-from hybrid_rt.intersection.kernels.search.vectors import load, spread
+from hybrid_rt.intersection.kernels.search.boxes import load, spread
 
 # Where a record of a cell (see `patch.cells`) has columns along u, v, n, and the bounds.
 COLUMN = 4
@@ -26,18 +26,11 @@ def meet_box_plain(
 ) -> Any:
     """Return where a ray is within the skew box of a cell, and the ray in the cell's basis.
 
-    Parameters
-    ----------
-    record : (n, `RECORD`) float64
-    cell : int
-    x, y, z, dx, dy, dz : float
-        The ray's origin and direction, frame units.
-
-    Returns
-    -------
-    t0, t1 : it enters and leaves; t0 > t1 where it misses the box
-    ou, ov, on : the origin from the middle of the box, along u, v and n
-    du, dv, dn : the direction
+    ``record`` (n, `RECORD`).
+    ``x``, ``y``, ``z``, ``dx``, ``dy``, ``dz``: the ray's origin and direction, frame units.
+    Returns ``t0``, ``t1`` it enters and leaves; t0 > t1 where it misses the box.
+    ``ou``, ``ov``, ``on`` the origin from the middle of the box, along u, v and n.
+    ``du``, ``dv``, ``dn`` the direction.
     """
     r = [float(number) for number in record[cell]]
     px, py, pz = x - r[CENTRE], y - r[COLUMN + CENTRE], z - r[2 * COLUMN + CENTRE]

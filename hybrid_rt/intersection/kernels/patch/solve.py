@@ -131,11 +131,9 @@ def newton(patch, ray, u, v, t, side_u, side_v):
     parameters are far outside the patch, or the tangents and the ray lie in one plane, or
     `MAX_STEPS` do not suffice.
 
-    Returns
-    -------
-    status, u, v, t, steps
-    n_dot_d : |n.d| with n unit
-    gain_u, gain_v : how far u and v move when the equation is off by a length of one
+    Returns status, u, v, t, steps.
+    ``n_dot_d`` |n.d| with n unit.
+    ``gain_u``, ``gain_v`` how far u and v move when the equation is off by a length of one.
     """
     control, start, degree_u, degree_v, basis, rational, size, _, _, _ = patch
     ox, oy, oz, dx, dy, dz, _, _ = ray
@@ -227,11 +225,8 @@ def approach(patch, ray, u, v, u0, u1, v0, v1, steps):
 def is_inside_loops(i, u, v, t, trim, patch, ray, rays, best):
     """Tell whether a root on a trimmed patch is a hit; note a doubt if the band decides it is none.
 
-    Returns
-    -------
-    is_kept : bool
-    edge : float
-        What the gap of an edge adds to the bound of t, as the caller counts it.
+    Returns ``is_kept``.
+    ``edge``: what the gap of an edge adds to the bound of t, as the caller counts it.
     """
     if (
         trim is None or not trim.member.shape[0]

@@ -101,6 +101,8 @@ SHORT = 64.0
 NARROWED = 2.0**-5
 # What its points may be farther from the ray than its hull.
 FARTHER = 1.0 + 2.0 * THIN_BESIDE
+# What the Krawczyk test says of a piece.
+TURNING, HOLDS_NONE, HOLDS_ONE, CONTRACTS = 0, 1, 2, 3
 
 
 @inlined
@@ -160,6 +162,247 @@ def _from_origin(control, k, ox, oy, oz, rational):
 
 
 @inlined
+def _write_net(patch, ray, ex, ey, ez, net):
+    """Write a patch's net in ray coordinates, the last along e.
+
+    Returns the square of the largest distance from the origin, and the largest coordinate across.
+    """
+    px, py, pz, qx, qy, qz = normals_of(ray.dx, ray.dy, ray.dz)
+    farthest = across = 0.0
+    for r in range(patch.degree_u + 1):
+        for c in range(patch.degree_v + 1):
+            k = patch.start + r * (patch.degree_v + 1) + c
+            x, y, z, w = _from_origin(patch.control, k, ray.ox, ray.oy, ray.oz, patch.rational)
+            farthest = max(farthest, (x * x + y * y + z * z) / (w * w))
+            net[r, c, 0] = px * x + py * y + pz * z
+            net[r, c, 1] = qx * x + qy * y + qz * z
+            net[r, c, 2] = ex * x + ey * y + ez * z
+            across = max(across, abs(net[r, c, 0]) / w, abs(net[r, c, 1]) / w)
+            if patch.rational is not None and patch.rational:
+                net[r, c, 3] = w
+    return farthest, across
+
+
+@inlined
+def _bounds_of(seen, degree_u, degree_v):
+    """Return the least and the largest of each coordinate of a net."""
+    f0 = g0 = h0 = np.inf
+    f1 = g1 = h1 = -np.inf
+    for r in range(degree_u + 1):
+        for c in range(degree_v + 1):
+            f, g, h = seen[r, c, 0], seen[r, c, 1], seen[r, c, 2]
+            f0, f1 = min(f0, f), max(f1, f)
+            g0, g1 = min(g0, g), max(g1, g)
+            h0, h1 = min(h0, h), max(h1, h)
+    return f0, f1, g0, g1, h0, h1
+
+
+@inlined
+def _mean_tangents(net, seen, degree_u, degree_v):
+    """Return the mean tangents along u and v across the ray, for a step of half the piece.
+
+    And how long the piece is along u and v, across the ray and along it.
+    """
+    au = av = bu = bv = side_u = side_v = deep_u = deep_v = 0.0
+    for r in range(degree_u):
+        for c in range(degree_v + 1):
+            au += net[r + 1, c, 0] - net[r, c, 0]
+            av += net[r + 1, c, 1] - net[r, c, 1]
+            f = seen[r + 1, c, 0] - seen[r, c, 0]
+            g = seen[r + 1, c, 1] - seen[r, c, 1]
+            side_u += abs(f) + abs(g)
+            deep_u += abs(seen[r + 1, c, 2] - seen[r, c, 2])
+    for r in range(degree_u + 1):
+        for c in range(degree_v):
+            bu += net[r, c + 1, 0] - net[r, c, 0]
+            bv += net[r, c + 1, 1] - net[r, c, 1]
+            f = seen[r, c + 1, 0] - seen[r, c, 0]
+            g = seen[r, c + 1, 1] - seen[r, c, 1]
+            side_v += abs(f) + abs(g)
+            deep_v += abs(seen[r, c + 1, 2] - seen[r, c, 2])
+    by_u, by_v = 0.5 / (degree_v + 1), 0.5 / (degree_u + 1)
+    tangents = (au * by_u, av * by_u, bu * by_v, bv * by_v)
+    return tangents, side_u * by_u, side_v * by_v, deep_u * by_u, deep_v * by_v
+
+
+@inlined
+def _bounds_along_tangents(seen, degree_u, degree_v, tangents, slop, reach):
+    """Tell whether boxes along both tangents meet the ray: narrow together where they are nearly parallel.
+
+    Returns ``is_met``, ``is_beside``: within the reach of the ray; beyond the slop of it.
+    ``long``, ``thin``: sides of the box along the longer tangent, and across it.
+    """
+    au, av, bu, bv = tangents
+    is_beside = False
+    x0 = x1 = y0 = y1 = 0.0
+    for turn in range(2):
+        tx, ty = bu, bv
+        if (au * au + av * av >= bu * bu + bv * bv) == (turn == 1):
+            tx, ty = au, av
+        norm = np.sqrt(tx * tx + ty * ty)
+        if norm > 0.0:
+            tx /= norm
+            ty /= norm
+        else:
+            tx, ty = 1.0, 0.0
+        x0 = y0 = np.inf
+        x1 = y1 = -np.inf
+        for r in range(degree_u + 1):
+            for c in range(degree_v + 1):
+                x = seen[r, c, 0] * tx + seen[r, c, 1] * ty
+                y = seen[r, c, 1] * tx - seen[r, c, 0] * ty
+                x0, x1 = min(x0, x), max(x1, x)
+                y0, y1 = min(y0, y), max(y1, y)
+        if x0 > reach or x1 < -reach or y0 > reach or y1 < -reach:
+            return False, True, 0.0, 0.0
+        is_beside = is_beside or x0 > slop or x1 < -slop or y0 > slop or y1 < -slop
+    return True, is_beside, x1 - x0, y1 - y0
+
+
+@inlined
+def _height_at(patch, ray, ex, ey, ez, u, v):
+    """Return how far along the ray the point at (u, v) is from the origin."""
+    x, y, z, _, _, _, _, _, _ = evaluate_any(
+        patch.control, patch.start, patch.degree_u, patch.degree_v, u, v, patch.basis,
+        patch.rational,
+    )  # fmt: skip
+    return (x - ray.ox) * ex + (y - ray.oy) * ey + (z - ray.oz) * ez
+
+
+@inlined
+def _offer_touch(i, near, t, thick, n_dot_d, slop, length, patch, ray, rays, best):
+    """Offer a piece as short as rounding as a root, to be probed.
+
+    ``near`` is what `approach` returns, ``thick`` how far the piece, around t, extends along the ray.
+
+    Returns ``passes``, ``is_hit``: loops leave it out; it was offered, and is ahead.
+    """
+    u, v, t_near, gap, there = near
+    # Ray and surface are apart by less than the piece is thick, for a length of that thickness over
+    # the slope: t is no surer.
+    slope = max(n_dot_d, FLATTEST)
+    slope = max(min(slope, there / length), FLATTEST)
+    t_bound = 0.5 * thick + (4.0 * slop + 2.0 * gap) / slope
+    t_bound += abs(t_near - t) * length
+    t_bound = t_bound / length * ray.to_world
+    t_world = (t_near + ray.shift) * ray.to_world
+    slope *= length
+    is_ahead = t_world + t_bound > rays.t_min[i]
+    if not is_ahead or is_passed(i, t_world, t_bound, slope, rays.known):
+        return False, False
+    is_kept, edge = is_inside_loops(i, u, v, t_near, patch.trim, patch, ray, rays, best)
+    if not is_kept:
+        # Where along a fold the root is, is open by as much as the piece is long.
+        return True, False
+    t_bound += edge
+    offer(
+        i, t_world, t_bound, slope, SUSPECT, patch.object_id, patch.row, u, v,
+        rays.t_min, rays.known, best,
+    )  # fmt: skip
+    return False, t_world > rays.t_min[i]
+
+
+@inlined
+def _test_piece(net, spare, degree_u, degree_v, rational, tangents, slop, reach):
+    """Look by the Krawczyk test how far the tangents of a piece turn, through the inverse of their mean.
+
+    Returns ``outcome``: `TURNING`; `HOLDS_NONE`; `HOLDS_ONE` at most; `CONTRACTS`: Newton from the
+    piece does.
+    ``start_u``, ``start_v``: where Newton begins, half sides of the piece from its middle.
+    """
+    au, av, bu, bv = tangents
+    det = au * bv - av * bu
+    if det == 0.0:
+        return TURNING, 0.0, 0.0
+    y00, y01, y10, y11 = bv / det, -bu / det, -av / det, au / det
+    turn_u0 = turn_u1 = turn_v0 = turn_v1 = 0.0
+    half = 0.5 * degree_u
+    for r in range(degree_u):
+        for c in range(degree_v + 1):
+            f = half * (net[r + 1, c, 0] - net[r, c, 0])
+            g = half * (net[r + 1, c, 1] - net[r, c, 1])
+            turn_u0 = max(turn_u0, abs(y00 * f + y01 * g - 1.0))
+            turn_u1 = max(turn_u1, abs(y10 * f + y11 * g))
+    half = 0.5 * degree_v
+    for r in range(degree_u + 1):
+        for c in range(degree_v):
+            f = half * (net[r, c + 1, 0] - net[r, c, 0])
+            g = half * (net[r, c + 1, 1] - net[r, c, 1])
+            turn_v0 = max(turn_v0, abs(y00 * f + y01 * g))
+            turn_v1 = max(turn_v1, abs(y10 * f + y11 * g - 1.0))
+    gain = max(abs(y00) + abs(y01), abs(y10) + abs(y11))
+    most, turn_w = weights_of(net, degree_u, degree_v, rational)
+    gain *= most
+    rounding = gain * slop
+    q = max(turn_u0 + turn_v0, turn_u1 + turn_v1) + (degree_u + degree_v) * rounding
+    if not q < 1.0:
+        return TURNING, 0.0, 0.0
+    f, g = middle_of(spare, net, degree_u, degree_v)
+    cu, cv = -(y00 * f + y01 * g), -(y10 * f + y11 * g)
+    if max(abs(cu), abs(cv)) > 1.0 + q + gain * reach:
+        return HOLDS_NONE, 0.0, 0.0
+    # Newton's iteration is that of the quotient: a turn of W counts twice.
+    outcome = CONTRACTS if q + 2.0 * turn_w < NEWTON_TURN else HOLDS_ONE
+    return outcome, min(max(cu, -1.0), 1.0), min(max(cv, -1.0), 1.0)
+
+
+@inlined
+def _refine_from(i, u, v, t, place, contracts, patch, ray, band, rays, best, counters):
+    """Start Newton at (u, v, t) in a piece, and offer the root if it is the piece's own.
+
+    Returns ``t``: where the iteration ended.
+    ``has_converged``, ``is_settled``, ``is_hit``: it did; nothing is left to be found in the piece;
+    its root is the nearest so far.
+    """
+    um, vm, hu, hv = place
+    counters[NEWTONS] += 1
+    status, u, v, t, steps, n_dot_d, gain_u, gain_v = newton(patch, ray, u, v, t, hu, hv)
+    counters[STEPS] += steps
+    is_owner = is_hit = False
+    if status == CONVERGED:
+        slack = OWNED * rounding_of_root(
+            patch.degree_u, patch.degree_v, patch.rational, patch.size,
+            ray.ox, ray.oy, ray.oz, ray.dx, ray.dy, ray.dz, t,
+        )  # fmt: skip
+        slack_u = BORDER_SLACK * hu + slack * gain_u
+        slack_v = BORDER_SLACK * hv + slack * gain_v
+        in_u, in_v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
+        is_owner = abs(in_u - um) <= hu + slack_u and abs(in_v - vm) <= hv + slack_v
+        if (u != in_u or v != in_v) and (contracts or is_owner):
+            offer_border(
+                i, u, v, t, n_dot_d, gain_u, gain_v, patch, ray, band, is_owner, rays, best
+            )
+        elif is_owner:
+            is_hit = offer_root(i, u, v, t, n_dot_d, patch, ray, rays, best)
+    # The piece's root, if it has one, lies within (1 + q) / (1 - q) half pieces of its middle; any
+    # that lies far away is another, and says nothing of the piece.
+    is_near = abs(u - um) <= NEARBY * hu and abs(v - vm) <= NEARBY * hv
+    is_settled = is_owner or (contracts and status == CONVERGED and is_near)
+    return t, status == CONVERGED, is_settled, is_hit
+
+
+@inlined
+def _halve_piece(nets, boxes, top, along_u, degree_u, degree_v, rational):
+    """Halve the piece at ``top``; the nearer half comes on top of the other."""
+    net, other = nets[top], nets[top + 1]
+    halve(net, other, degree_u, degree_v, along_u, rational)
+    for c in range(4):
+        boxes[top + 1, c] = boxes[top, c]
+    first = 0 if along_u else 2
+    middle = 0.5 * (boxes[top, first] + boxes[top, first + 1])
+    boxes[top, first + 1] = boxes[top + 1, first] = middle
+    near_first, _ = depth_range(net, degree_u, degree_v, rational)
+    near_second, _ = depth_range(other, degree_u, degree_v, rational)
+    if near_first < near_second:
+        for r in range(degree_u + 1):
+            for c in range(degree_v + 1):
+                for k in range(columns_of(rational)):
+                    net[r, c, k], other[r, c, k] = other[r, c, k], net[r, c, k]
+        for k in range(4):
+            boxes[top, k], boxes[top + 1, k] = boxes[top + 1, k], boxes[top, k]
+
+
+@inlined
 def slow_solve(
     i, patch, ray, rectangle, t_lo, t_cut, band, is_moved, offers, rays, best, scratch, counters
 ):  # fmt: skip
@@ -170,33 +413,20 @@ def slow_solve(
     ray and rectangle only, not on `best`. Without ``offers`` no root is looked for: returned are the ends
     of a rectangle around all pieces that may hold one.
     """
-    control, start, degree_u, degree_v, basis, rational, size, object_id, row, _ = patch
-    ox, oy, oz, dx, dy, dz, shift, to_world = ray
+    degree_u, degree_v, rational, size = patch.degree_u, patch.degree_v, patch.rational, patch.size
+    shift, to_world, t_min = ray.shift, ray.to_world, rays.t_min
     u0, u1, v0, v1 = rectangle
-    t_min, known = rays.t_min, rays.known
-    nets, boxes, room = scratch.nets, scratch.boxes, scratch.room
+    nets, boxes = scratch.nets, scratch.boxes
     counters[SLOW] += 1
     # Doubts of other searches leave out nothing here: which of them come first may differ.
     doubt_before = best.doubt[i]
     held_u0, held_u1, held_v0, held_v1 = np.inf, -np.inf, np.inf, -np.inf
     best.doubt[i] = -np.inf if is_moved else np.inf
+    dx, dy, dz = ray.dx, ray.dy, ray.dz
     length = np.sqrt(dx * dx + dy * dy + dz * dz)
     ex, ey, ez = dx / length, dy / length, dz / length
-    px, py, pz, qx, qy, qz = normals_of(dx, dy, dz)
-    net = nets[0]
-    farthest = across = 0.0
-    for r in range(degree_u + 1):
-        for c in range(degree_v + 1):
-            k = start + r * (degree_v + 1) + c
-            x, y, z, w = _from_origin(control, k, ox, oy, oz, rational)
-            farthest = max(farthest, (x * x + y * y + z * z) / (w * w))
-            net[r, c, 0] = px * x + py * y + pz * z
-            net[r, c, 1] = qx * x + qy * y + qz * z
-            net[r, c, 2] = ex * x + ey * y + ez * z
-            across = max(across, abs(net[r, c, 0]) / w, abs(net[r, c, 1]) / w)
-            if rational is not None and rational:
-                net[r, c, 3] = w
-    restrict(net, degree_u, degree_v, u0, u1, v0, v1, rational)
+    farthest, across = _write_net(patch, ray, ex, ey, ez, nets[0])
+    restrict(nets[0], degree_u, degree_v, u0, u1, v0, v1, rational)
     slop = rounding_of_net(degree_u, degree_v, rational, size, np.sqrt(farthest), across)
     # Beyond that the sum of all roundings says nothing; they hardly ever add up.
     slop = min(slop, MOST_SLOP * band)
@@ -206,98 +436,42 @@ def slow_solve(
     boxes[0, 0], boxes[0, 1], boxes[0, 2], boxes[0, 3] = u0, u1, v0, v1
     h_lo = t_lo * length - slop
     h_cut = t_cut * length + slop
-    start_u = start_v = 0.0
     top = 1
     pieces = 0
     while top > 0:
+        # --- does the hull come near the ray, within the range of t?
         top -= 1
         net = nets[top]
-        seen = projected(net, degree_u, degree_v, room, rational)
+        seen = projected(net, degree_u, degree_v, scratch.room, rational)
         pieces += 1
-        f0 = g0 = h0 = np.inf
-        f1 = g1 = h1 = -np.inf
-        for r in range(degree_u + 1):
-            for c in range(degree_v + 1):
-                f, g, h = seen[r, c, 0], seen[r, c, 1], seen[r, c, 2]
-                f0, f1 = min(f0, f), max(f1, f)
-                g0, g1 = min(g0, g), max(g1, g)
-                h0, h1 = min(h0, h), max(h1, h)
+        f0, f1, g0, g1, h0, h1 = _bounds_of(seen, degree_u, degree_v)
         if f0 > reach or f1 < -reach or g0 > reach or g1 < -reach or h1 < h_lo or h0 > h_cut:
             continue
-        is_beside = f0 > slop or f1 < -slop or g0 > slop or g1 < -slop
-        # --- mean tangents across the ray, for a step of half the piece
-        au = av = bu = bv = side_u = side_v = deep_u = deep_v = 0.0
-        for r in range(degree_u):
-            for c in range(degree_v + 1):
-                f = net[r + 1, c, 0] - net[r, c, 0]
-                g = net[r + 1, c, 1] - net[r, c, 1]
-                au += f
-                av += g
-                f = seen[r + 1, c, 0] - seen[r, c, 0]
-                g = seen[r + 1, c, 1] - seen[r, c, 1]
-                side_u += abs(f) + abs(g)
-                deep_u += abs(seen[r + 1, c, 2] - seen[r, c, 2])
-        for r in range(degree_u + 1):
-            for c in range(degree_v):
-                f = net[r, c + 1, 0] - net[r, c, 0]
-                g = net[r, c + 1, 1] - net[r, c, 1]
-                bu += f
-                bv += g
-                f = seen[r, c + 1, 0] - seen[r, c, 0]
-                g = seen[r, c + 1, 1] - seen[r, c, 1]
-                side_v += abs(f) + abs(g)
-                deep_v += abs(seen[r, c + 1, 2] - seen[r, c, 2])
-        weight_u = 0.5 / (degree_v + 1)
-        weight_v = 0.5 / (degree_u + 1)
-        au, av, bu, bv = au * weight_u, av * weight_u, bu * weight_v, bv * weight_v
-        side_u *= weight_u
-        side_v *= weight_v
-        deep_u *= weight_u
-        deep_v *= weight_v
-        um, vm = 0.5 * (boxes[top, 0] + boxes[top, 1]), 0.5 * (boxes[top, 2] + boxes[top, 3])
-        hu, hv = 0.5 * (boxes[top, 1] - boxes[top, 0]), 0.5 * (boxes[top, 3] - boxes[top, 2])
-        # --- boxes along both tangents, last along the longer one: narrow together where they are nearly parallel
-        is_met = True
-        x0 = x1 = y0 = y1 = tx = ty = 0.0
-        for turn in range(2):
-            tx, ty = bu, bv
-            if (au * au + av * av >= bu * bu + bv * bv) == (turn == 1):
-                tx, ty = au, av
-            norm = np.sqrt(tx * tx + ty * ty)
-            if norm > 0.0:
-                tx /= norm
-                ty /= norm
-            else:
-                tx, ty = 1.0, 0.0
-            x0 = y0 = np.inf
-            x1 = y1 = -np.inf
-            for r in range(degree_u + 1):
-                for c in range(degree_v + 1):
-                    x = seen[r, c, 0] * tx + seen[r, c, 1] * ty
-                    y = seen[r, c, 1] * tx - seen[r, c, 0] * ty
-                    x0, x1 = min(x0, x), max(x1, x)
-                    y0, y1 = min(y0, y), max(y1, y)
-            is_met = not (x0 > reach or x1 < -reach or y0 > reach or y1 < -reach)
-            is_beside = is_beside or x0 > slop or x1 < -slop or y0 > slop or y1 < -slop
-            if not is_met:
-                break
+        tangents, side_u, side_v, deep_u, deep_v = _mean_tangents(net, seen, degree_u, degree_v)
+        is_met, is_beside, long, thin = _bounds_along_tangents(
+            seen, degree_u, degree_v, tangents, slop, reach
+        )
         if not is_met:
             continue
+        is_beside = is_beside or f0 > slop or f1 < -slop or g0 > slop or g1 < -slop
         # Of places beside the ray the first one counts, and of roots before t_min that there is one.
         t_first = ((h0 - slop) / length + shift) * to_world
         is_behind = ((h1 + slop) / length + shift) * to_world <= t_min[i]
         is_late = t_first >= best.doubt[i]
         if (is_beside and (is_behind or is_late)) or (is_behind and best.doubt[i] <= t_min[i]):
             continue
+        um, vm = 0.5 * (boxes[top, 0] + boxes[top, 1]), 0.5 * (boxes[top, 2] + boxes[top, 3])
+        hu, hv = 0.5 * (boxes[top, 1] - boxes[top, 0]), 0.5 * (boxes[top, 3] - boxes[top, 2])
         is_point = max(f1 - f0, g1 - g0, h1 - h0) <= 4.0 * slop
         is_long = h1 - h0 > LONG * size
         # --- without a root, but perhaps within the band; or too small to be told from a point, or too
         # thin to hold a decision
-        may_pass = is_beside and (is_point or (y1 - y0 < THIN_BESIDE * reach and not is_long))
-        is_thin = not may_pass and (is_point or (y1 - y0 < 2.0 * slop and not is_beside))
+        may_pass = is_beside and (is_point or (thin < THIN_BESIDE * reach and not is_long))
+        is_thin = not may_pass and (is_point or (thin < 2.0 * slop and not is_beside))
         is_root = passes = False
         n_dot_d, t = 0.0, 0.5 * (h0 + h1) / length
         # --- beside a collapsed edge, of which all of u, say, is one point
+        start_u = start_v = 0.0
         known_of = UNKNOWN
         side = NO_POLE if is_point else collapsed_side(seen, degree_u, degree_v, slop)
         if side != NO_POLE:
@@ -313,93 +487,47 @@ def slow_solve(
                 um, vm, hu, hv = um + hu * start_u, vm + hv * start_v, 0.0, 0.0
                 is_root, passes = known_of == POINT, known_of == BESIDE
                 may_pass = is_thin = False
-                x, y, z, _, _, _, _, _, _ = evaluate_any(
-                    control, start, degree_u, degree_v, um, vm, basis, rational
-                )
-                h0 = h1 = (x - ox) * ex + (y - oy) * ey + (z - oz) * ez
+                h0 = h1 = _height_at(patch, ray, ex, ey, ez, um, vm)
                 t = h0 / length
                 n_dot_d = _steepness(patch, um, vm, ex, ey, ez)
         if is_thin:
             n_dot_d = _steepness(patch, um, vm, ex, ey, ez)
             is_flat = n_dot_d < CLEAR_CROSSING
             short = fold if is_flat else SHORT * slop
-            is_root = is_point or (x1 - x0 < short and h1 - h0 < short)
+            is_root = is_point or (long < short and h1 - h0 < short)
             passes = is_flat and not is_root and not is_long
             if is_flat and is_long and is_late:
                 continue
+        # --- a root or a doubt that is not to be divided
         if may_pass or (is_root and offers):
-            u, v, t_near, gap, there = approach(
-                patch, ray, um, vm, um - hu, um + hu, vm - hv, vm + hv, APPROACHES
-            )
+            near = approach(patch, ray, um, vm, um - hu, um + hu, vm - hv, vm + hv, APPROACHES)
             if may_pass:
-                passes = gap <= FARTHER * reach
+                passes = near[3] <= FARTHER * reach
             else:
-                # Ray and surface are apart by less than the piece is thick, for a length of that
-                # thickness over the slope: t is no surer.
-                slope = max(n_dot_d, FLATTEST)
-                slope = max(min(slope, there / length), FLATTEST)
-                t_bound = 0.5 * (h1 - h0) + (4.0 * slop + 2.0 * gap) / slope
-                t_bound += abs(t_near - t) * length
-                t_bound = t_bound / length * to_world
-                t_world = (t_near + shift) * to_world
-                slope *= length
-                is_ahead = t_world + t_bound > t_min[i]
-                if is_ahead and not is_passed(i, t_world, t_bound, slope, known):
-                    is_kept, edge = is_inside_loops(
-                        i, u, v, t_near, patch.trim, patch, ray, rays, best
-                    )
-                    # Where along a fold the root is, is open by as much as the piece is long.
-                    passes = not is_kept
-                    if is_kept:
-                        t_bound += edge
-                        offer(
-                            i, t_world, t_bound, slope, SUSPECT, object_id, row, u, v,
-                            t_min, known, best,
-                        )  # fmt: skip
-                        if t_world > t_min[i]:
-                            h_cut = min(h_cut, h0)
-            t = t_near
+                is_left_out, is_hit = _offer_touch(
+                    i, near, t, h1 - h0, n_dot_d, slop, length, patch, ray, rays, best
+                )
+                passes |= is_left_out
+                if is_hit:
+                    h_cut = min(h_cut, h0)
+            t = near[2]
         if passes:
             doubt_piece(i, t, reach, um, vm, hu, hv, patch, ray, rays, best)
         if passes or (is_root and offers) or (may_pass and is_point):
             continue
-        # --- Krawczyk: how far the tangents turn, seen through the inverse of their mean
-        contracts = is_last = False
-        det = au * bv - av * bu
+        # --- does it hold one root at most?
+        outcome = TURNING
         is_single = known_of in (SINGLE, NEAR_POINT)
-        if not is_single and not is_root and det != 0.0:
-            y00, y01, y10, y11 = bv / det, -bu / det, -av / det, au / det
-            turn_u0 = turn_u1 = turn_v0 = turn_v1 = 0.0
-            half = 0.5 * degree_u
-            for r in range(degree_u):
-                for c in range(degree_v + 1):
-                    f = half * (net[r + 1, c, 0] - net[r, c, 0])
-                    g = half * (net[r + 1, c, 1] - net[r, c, 1])
-                    turn_u0 = max(turn_u0, abs(y00 * f + y01 * g - 1.0))
-                    turn_u1 = max(turn_u1, abs(y10 * f + y11 * g))
-            half = 0.5 * degree_v
-            for r in range(degree_u + 1):
-                for c in range(degree_v):
-                    f = half * (net[r, c + 1, 0] - net[r, c, 0])
-                    g = half * (net[r, c + 1, 1] - net[r, c, 1])
-                    turn_v0 = max(turn_v0, abs(y00 * f + y01 * g))
-                    turn_v1 = max(turn_v1, abs(y10 * f + y11 * g - 1.0))
-            gain = max(abs(y00) + abs(y01), abs(y10) + abs(y11))
-            most, turn_w = weights_of(net, degree_u, degree_v, rational)
-            gain *= most
-            rounding = gain * slop
-            q = max(turn_u0 + turn_v0, turn_u1 + turn_v1) + (degree_u + degree_v) * rounding
-            if q < 1.0:
-                # --- the middle of the piece, from a copy halved both ways (spare places above)
-                f, g = middle_of(nets[top + 1], net, degree_u, degree_v)
-                cu, cv = -(y00 * f + y01 * g), -(y10 * f + y11 * g)
-                if max(abs(cu), abs(cv)) > 1.0 + q + gain * reach:
-                    continue
-                # Newton's iteration is that of the quotient: a turn of W counts twice.
-                contracts = q + 2.0 * turn_w < NEWTON_TURN
-                is_last = y1 - y0 < LAST_CHANCE * slop and (x1 - x0) ** 2 > 16.0 * (y1 - y0) * size
-                start_u, start_v = min(max(cu, -1.0), 1.0), min(max(cv, -1.0), 1.0)
-        may_hold = contracts or is_last or is_single
+        if not is_single and not is_root:
+            outcome, begin_u, begin_v = _test_piece(
+                net, nets[top + 1], degree_u, degree_v, rational, tangents, slop, reach
+            )
+            if outcome == HOLDS_NONE:
+                continue
+            if outcome != TURNING:
+                start_u, start_v = begin_u, begin_v
+        is_last = outcome != TURNING and thin < LAST_CHANCE * slop and long**2 > 16.0 * thin * size
+        may_hold = outcome == CONTRACTS or is_last or is_single
         is_wide = may_hold and not offers and 2.0 * hu > NARROWED * (u1 - u0)
         is_tall = may_hold and not offers and 2.0 * hv > NARROWED * (v1 - v0)
         if not offers and (may_hold or is_root) and not (is_wide or is_tall):
@@ -407,42 +535,22 @@ def slow_solve(
             held_v0, held_v1 = min(held_v0, boxes[top, 2]), max(held_v1, boxes[top, 3])
             continue
         if may_hold and offers:
-            counters[NEWTONS] += 1
-            u, v = um + hu * start_u, vm + hv * start_v
             # What is left along the ray has to be small: nearly in the tangent plane its
             # rounding alone would move u by more than the piece.
-            x, y, z, _, _, _, _, _, _ = evaluate_any(
-                control, start, degree_u, degree_v, u, v, basis, rational
-            )
-            t = ((x - ox) * ex + (y - oy) * ey + (z - oz) * ez) / length
-            status, u, v, t, steps, n_dot_d, gain_u, gain_v = newton(patch, ray, u, v, t, hu, hv)
-            counters[STEPS] += steps
-            is_owner = False
-            if status == CONVERGED:
-                slack = OWNED * rounding_of_root(
-                    degree_u, degree_v, rational, size, ox, oy, oz, dx, dy, dz, t
-                )
-                slack_u = BORDER_SLACK * hu + slack * gain_u
-                slack_v = BORDER_SLACK * hv + slack * gain_v
-                in_u, in_v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
-                is_owner = abs(in_u - um) <= hu + slack_u and abs(in_v - vm) <= hv + slack_v
-                if (u != in_u or v != in_v) and (contracts or is_owner):
-                    offer_border(
-                        i, u, v, t, n_dot_d, gain_u, gain_v, patch, ray, band, is_owner,
-                        rays, best,
-                    )  # fmt: skip
-                elif is_owner and offer_root(i, u, v, t, n_dot_d, patch, ray, rays, best):
-                    h_cut = min(h_cut, t * length)
-            # The piece's root, if it has one, lies within (1 + q) / (1 - q) half pieces of
-            # its middle; any that lies far away is another, and says nothing of the piece.
-            is_near = abs(u - um) <= NEARBY * hu and abs(v - vm) <= NEARBY * hv
-            if is_owner or (contracts and status == CONVERGED and is_near):
+            u, v = um + hu * start_u, vm + hv * start_v
+            t, has_converged, is_settled, is_hit = _refine_from(
+                i, u, v, _height_at(patch, ray, ex, ey, ez, u, v) / length, (um, vm, hu, hv),
+                outcome == CONTRACTS, patch, ray, band, rays, best, counters,
+            )  # fmt: skip
+            if is_hit:
+                h_cut = min(h_cut, t * length)
+            if is_settled:
                 continue
             # So near the point the ray's root is that of a neighbour.
-            if known_of == NEAR_POINT and status == CONVERGED:
+            if known_of == NEAR_POINT and has_converged:
                 doubt_piece(i, t, reach, um, vm, hu, hv, patch, ray, rays, best)
                 continue
-        # --- halve the longer side, the nearer half on top
+        # --- halve the longer side
         if top + 2 > DEPTH - 1 or pieces >= MAX_PIECES:
             if not offers:
                 held_u0, held_u1, held_v0, held_v1 = u0, u1, v0, v1
@@ -450,11 +558,11 @@ def slow_solve(
             counters[GIVEN_UP] += 1
             # None of the pieces that wait has been looked at: any may be nearer than this one.
             for k in range(top):
-                near, _ = depth_range(nets[k], degree_u, degree_v, rational)
-                h0 = min(h0, near)
+                near_depth, _ = depth_range(nets[k], degree_u, degree_v, rational)
+                h0 = min(h0, near_depth)
             best.doubt[i] = min(best.doubt[i], (h0 / length + shift) * to_world)
             break
-        if y1 - y0 < 2.0 * slop or (is_beside and (is_long or y1 - y0 < THIN_BESIDE * reach)):
+        if thin < 2.0 * slop or (is_beside and (is_long or thin < THIN_BESIDE * reach)):
             side_u += deep_u
             side_v += deep_v
         # A wide cone is narrowed along its edge.
@@ -463,28 +571,7 @@ def slow_solve(
             along_u = WIDER * side_u >= side_v
         elif known_of == WIDE:
             along_u = side_u > WIDER * side_v
-        halve(net, nets[top + 1], degree_u, degree_v, along_u, rational)
-        for c in range(4):
-            boxes[top + 1, c] = boxes[top, c]
-        if along_u:
-            boxes[top, 1] = um
-            boxes[top + 1, 0] = um
-        else:
-            boxes[top, 3] = vm
-            boxes[top + 1, 2] = vm
-        near_first, _ = depth_range(net, degree_u, degree_v, rational)
-        near_second, _ = depth_range(nets[top + 1], degree_u, degree_v, rational)
-        if near_first < near_second:
-            for r in range(degree_u + 1):
-                for c in range(degree_v + 1):
-                    for k in range(columns_of(rational)):
-                        swap = nets[top, r, c, k]
-                        nets[top, r, c, k] = nets[top + 1, r, c, k]
-                        nets[top + 1, r, c, k] = swap
-            for k in range(4):
-                swap = boxes[top, k]
-                boxes[top, k] = boxes[top + 1, k]
-                boxes[top + 1, k] = swap
+        _halve_piece(nets, boxes, top, along_u, degree_u, degree_v, rational)
         top += 2
     best.doubt[i] = min(best.doubt[i], doubt_before)
     counters[PIECES] += pieces

@@ -96,12 +96,10 @@ MANY, BESIDE = 8, 0.125
 def solve_cell(i, cell, table, basis, ray, t_lo, t_cut, rays, best, quartered):
     """Settle one cell for one ray: offer its root, or know that there is none that matters.
 
-    Returns
-    -------
-    `SETTLED`; `DOUBTFUL`; with ``quartered``, `TO_QUARTERS` for a cell that turns too much
-    t : of the patch's root that Newton came upon, in this cell or beside it; else inf
-    boxes : 1 if the ray meets the cell's box
-    steps : Newton steps
+    Returns `SETTLED`; `DOUBTFUL`; with ``quartered``, `TO_QUARTERS` for a cell that turns too much.
+    ``t`` of the patch's root that Newton came upon, in this cell or beside it; else inf.
+    ``boxes`` 1 if the ray meets the cell's box.
+    ``steps`` Newton steps.
     """
     record = table.record
     t0, t1, ou, ov, on, du, dv, dn = meet_box(
@@ -151,27 +149,15 @@ def solve_cell(i, cell, table, basis, ray, t_lo, t_cut, rays, best, quartered):
 def trace_patches(table, tree, rays, aside, guess, best, any_hit, scratch, t_guess, counters):
     """Lower ``best`` to the first hits on the patches, but for the doubts that are queued.
 
-    Parameters
-    ----------
-    table : PatchTable
-    tree : Tree over its cells
-    rays : Rays, n of them
-    aside : (n, 3) or (0, 3) float64
-        Moves each ray, in lengths of the frame; empty: no ray is moved.
-    guess : (n,) or (0,) int32
-        A cell to begin with for each ray, -1 for none; empty: no guesses at all.
-    best : Nearest
-    any_hit : bool
-        A ray stops at its first hit, and rays that have one are passed over.
-    scratch : PatchScratch
-    t_guess : (n,) or (0,) float64
-        Receives t of what each guess refines to, inf where that is nothing; like ``guess``.
-    counters : see `COUNTER_NAMES`
-
-    Returns
-    -------
-    end : rays traced: all, or those before the queue was full
-    n_doubts : rows of the queue to settle
+    ``rays``, Rays, n of them.
+    ``aside`` (n, 3) or (0, 3): moves each ray, in lengths of the frame; empty: no ray is moved.
+    ``guess`` (n,) or (0,) int32: a cell to begin with for each ray, -1 for none; empty: no guesses
+    at all.
+    ``any_hit``: a ray stops at its first hit, and rays that have one are passed over.
+    ``t_guess`` (n,) or (0,): receives t of what each guess refines to, inf where that is nothing;
+    like ``guess``.
+    Returns ``end`` rays traced: all, or those before the queue was full.
+    ``n_doubts`` rows of the queue to settle.
     """
     middle, to_frame = table.middle, table.to_frame
     record = table.record

@@ -63,11 +63,8 @@ def turn_of(trim, k, ray, t):
 def is_inside_loops(i, s, t, trim, segment, ray, rays, best):
     """Tell whether a root on a trimmed surface is a hit; note a doubt if the band decides it is none.
 
-    Returns
-    -------
-    is_kept : bool
-    edge : float
-        What the gap of an edge adds to the bound of t, as the caller counts it.
+    Returns ``is_kept``.
+    ``edge``: what the gap of an edge adds to the bound of t, as the caller counts it.
     """
     if trim is None:  # an argument of its own: numba leaves the rest out where it is
         return True, 0.0

@@ -80,10 +80,8 @@ def pass_end(end, ray, after):
     along the ray. A tip goes on as its mirror image. Within the band of grazing a side counts as
     either.
 
-    Returns
-    -------
-    is_outline : bool
-    t : of the ray's point nearest to the circle, on this sheet
+    Returns ``is_outline``.
+    ``t`` of the ray's point nearest to the circle, on this sheet.
     """
     z, r, band = end[END_Z], end[END_R], ray[BAND]
     dz, across, h, length = ray[RISE], ray[ACROSS], ray[BESIDE], ray[LENGTH]

@@ -132,19 +132,10 @@ def quotient(z, r, w, dz, dr, dw, ez, er, ew):
 
 
 @inner
-def rational_profile(control, start, degree, s):
-    """Return what `profile` does, of a rational segment, by the rule of quotients."""
+def bernstein_sums(control, start, degree, s):
+    """Return the columns of a segment at s, then their first derivatives, then the second ones."""
     z = r = w = dz = dr = dw = ez = er = ew = 0.0
     q = 1.0 - s
-    if degree == 2:  # circles
-        b0, b1, b2 = q * q, 2.0 * s * q, s * s
-        a, b, c = control[start, 0], control[start + 1, 0], control[start + 2, 0]
-        z, dz, ez = b0 * a + b1 * b + b2 * c, 2.0 * (q * (b - a) + s * (c - b)), a - 2.0 * b + c
-        a, b, c = control[start, 1], control[start + 1, 1], control[start + 2, 1]
-        r, dr, er = b0 * a + b1 * b + b2 * c, 2.0 * (q * (b - a) + s * (c - b)), a - 2.0 * b + c
-        a, b, c = control[start, 2], control[start + 1, 2], control[start + 2, 2]
-        w, dw, ew = b0 * a + b1 * b + b2 * c, 2.0 * (q * (b - a) + s * (c - b)), a - 2.0 * b + c
-        return quotient(z, r, w, dz, dr, dw, 2.0 * ez, 2.0 * er, 2.0 * ew)
     for i in range(degree + 1):
         b = binomial(degree, i) * power(s, i) * power(q, degree - i)
         z += b * control[start + i, 0]
@@ -162,7 +153,23 @@ def rational_profile(control, start, degree, s):
         ez += b * (control[k + 2, 0] - 2.0 * control[k + 1, 0] + control[k, 0])
         er += b * (control[k + 2, 1] - 2.0 * control[k + 1, 1] + control[k, 1])
         ew += b * (control[k + 2, 2] - 2.0 * control[k + 1, 2] + control[k, 2])
-    return quotient(z, r, w, dz, dr, dw, ez, er, ew)
+    return z, r, w, dz, dr, dw, ez, er, ew
+
+
+@inner
+def rational_profile(control, start, degree, s):
+    """Return what `profile` does, of a rational segment, by the rule of quotients."""
+    if degree == 2:  # circles
+        q = 1.0 - s
+        b0, b1, b2 = q * q, 2.0 * s * q, s * s
+        a, b, c = control[start, 0], control[start + 1, 0], control[start + 2, 0]
+        z, dz, ez = b0 * a + b1 * b + b2 * c, 2.0 * (q * (b - a) + s * (c - b)), a - 2.0 * b + c
+        a, b, c = control[start, 1], control[start + 1, 1], control[start + 2, 1]
+        r, dr, er = b0 * a + b1 * b + b2 * c, 2.0 * (q * (b - a) + s * (c - b)), a - 2.0 * b + c
+        a, b, c = control[start, 2], control[start + 1, 2], control[start + 2, 2]
+        w, dw, ew = b0 * a + b1 * b + b2 * c, 2.0 * (q * (b - a) + s * (c - b)), a - 2.0 * b + c
+        return quotient(z, r, w, dz, dr, dw, 2.0 * ez, 2.0 * er, 2.0 * ew)
+    return quotient(*bernstein_sums(control, start, degree, s))
 
 
 @inlined
@@ -185,7 +192,6 @@ def profile(control, start, degree, s):
     """Return Z, R, Z', R', Z'', R'' (Bernstein sums, weights built up from both ends)."""
     if control[start, 2] != 0.0:
         return rational_profile(control, start, degree, s)
-    z = r = dz = dr = ez = er = 0.0
     q = 1.0 - s
     if degree == 1:  # the usual ones, written out, in the order of the sums below
         a, b, c, d = (
@@ -220,20 +226,8 @@ def profile(control, start, degree, s):
         dr = d0 * (b - a) + d1 * (c - b) + d2 * (d - c)
         er = e0 * ((c - b) - (b - a)) + e1 * ((d - c) - (c - b))
         return z, r, dz, dr, ez, er
-    for i in range(degree + 1):
-        w = binomial(degree, i) * power(s, i) * power(q, degree - i)
-        z += w * control[start + i, 0]
-        r += w * control[start + i, 1]
-    for i in range(degree):
-        w = degree * binomial(degree - 1, i) * power(s, i) * power(q, degree - 1 - i)
-        dz += w * (control[start + i + 1, 0] - control[start + i, 0])
-        dr += w * (control[start + i + 1, 1] - control[start + i, 1])
-    for i in range(degree - 1):
-        w = degree * (degree - 1) * binomial(degree - 2, i)
-        w *= power(s, i) * power(q, degree - 2 - i)
-        k = start + i
-        ez += w * (control[k + 2, 0] - 2.0 * control[k + 1, 0] + control[k, 0])
-        er += w * (control[k + 2, 1] - 2.0 * control[k + 1, 1] + control[k, 1])
+    # Nobody asks for sums of the last column: the compiler leaves them out.
+    z, r, _, dz, dr, _, ez, er, _ = bernstein_sums(control, start, degree, s)
     return z, r, dz, dr, ez, er
 
 

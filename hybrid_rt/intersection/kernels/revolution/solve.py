@@ -153,10 +153,9 @@ def meet(control, start, degree, ray, after, s, t, noise):
 def rounding(degree, size, ray, t):
     """Bound what rounding makes of both equations near a root: see docs/rounding_turned.md.
 
-    Returns
-    -------
-    noise : of evaluating them for the ray as it is held, the same for every piece
-    error : of all: twice the noise, as they are only solved up to that, and that of the ray itself
+    Returns ``noise`` of evaluating them for the ray as it is held, the same for every piece.
+    ``error`` of all: twice the noise, as they are only solved up to that, and that of the ray
+    itself.
     """
     way = abs(t) * ray[LENGTH]
     along = abs(t + ray[BASE]) * ray[LENGTH]
@@ -225,10 +224,9 @@ def gap_between(control, start, degree, ray, after, s, t):
 def offer_meeting(i, s, t, slope, gain, noise, error, segment, ray, after, rays, best):
     """Offer a converged root if it lies on its segment.
 
-    Returns
-    -------
-    settled : whether this says all of the root; not so where it is beyond an end and the end far off
-    offered : whether it may be a hit
+    Returns ``settled`` whether this says all of the root; not so where it is beyond an end and the
+    end far off.
+    ``offered`` whether it may be a hit.
     """
     control, start, degree, end = segment.control, segment.start, segment.degree, segment.end
     shift, to_world, t_min, known = ray[SHIFT], ray[TO_WORLD], rays.t_min, rays.known
@@ -298,10 +296,8 @@ def is_in_part(i, t, slope, ray, rays, best):
 def solve_single(i, segment, piece, t0, t1, ray, after, rays, best, counters):
     """Newton in a piece that a sheet meets at most once in [t0, t1]: offer its root if there is one.
 
-    Returns
-    -------
-    settled : whether the iteration ended near enough to say what there is
-    t : of the root that was offered; else inf
+    Returns ``settled`` whether the iteration ended near enough to say what there is.
+    ``t`` of the root that was offered; else inf.
     """
     control, start, degree = segment.control, segment.start, segment.degree
     counters[NEWTONS] += 1

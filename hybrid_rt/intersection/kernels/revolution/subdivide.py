@@ -64,11 +64,10 @@ from meshing.kernels.jit import inlined, inner
 def compare_along_chord(net, degree, ray, after, t0, t1):
     """Compare a piece of profile, ``net``, and the ray in [t0, t1] by their distances to its chord.
 
-    Returns
-    -------
-    apart : width of an empty strip along the chord between them; not positive: there is none
-    thick : width of the wider one across the chord; inf where there is no chord, or no end of t
-    cz, cr : the chord
+    Returns ``apart`` width of an empty strip along the chord between them; not positive: there is
+    none.
+    ``thick`` width of the wider one across the chord; inf where there is no chord, or no end of t.
+    ``cz``, ``cr`` the chord.
     """
     cz, cr = net[degree, 0] - net[0, 0], net[degree, 1] - net[0, 1]
     chord = np.hypot(cz, cr)

@@ -105,20 +105,11 @@ def _object_of(table, piece):
 def trace_revolutions(table, end, rays, guess, best, any_hit, t_guess, work, counters):
     """Lower ``best`` to the first hits on the guessed pieces and on the objects up to row ``end``.
 
-    Parameters
-    ----------
-    table : RevolutionTable
-    end : int
-    rays : Rays of n rows
-    guess : (n,) or (0,) int32
-        Names a piece to begin with, -1 for none.
-    best : Nearest of n rows, changed
-    any_hit : bool
-        A ray stops at its first hit, and rays that have one are passed over.
-    t_guess : (n,) or (0,) float64
-        Receives the nearest t once the guess is settled; like ``guess``.
-    work : RevolutionScratch
-    counters : (counters,) float64, changed
+    ``rays``, Rays of n rows; ``best``, Nearest of n rows, changed; ``counters`` (counters,),
+    changed.
+    ``guess`` (n,) or (0,) int32: names a piece to begin with, -1 for none.
+    ``any_hit``: a ray stops at its first hit, and rays that have one are passed over.
+    ``t_guess`` (n,) or (0,): receives the nearest t once the guess is settled; like ``guess``.
     """
     for i in range(rays.origin.shape[0]):
         done = np.int64(guess[i]) if guess.shape[0] > 0 else np.int64(-1)

@@ -43,19 +43,10 @@ def rough_share(y, x):
 def side_about_axis(trim, k, x, y, u, v, out, up, dx, dy, dz, band):
     """Decide about a root on surface k; without loops (None) it is a hit.
 
-    Parameters
-    ----------
-    x, y, u, v : float
-        Where it is across the axis, and its parameters.
-    out, up : float
-        S_v there.
-    dx, dy, dz : float
-        The ray in the frame, of any length.
-
-    Returns
-    -------
-    is_hit, is_within, edge
-        As `decide` does.
+    ``x``, ``y``, ``u``, ``v``: where it is across the axis, and its parameters.
+    ``out``, ``up``: S_v there.
+    ``dx``, ``dy``, ``dz``: the ray in the frame, of any length.
+    Returns is_hit, is_within, edge: as `decide` does.
     """
     if trim is None:
         return True, False, 0.0

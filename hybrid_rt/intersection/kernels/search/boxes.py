@@ -19,8 +19,6 @@ from llvmlite import ir
 from numba.core import cgutils, config, types
 from numba.extending import intrinsic
 
-from hybrid_rt.intersection.kernels.search.vectors import load, spread
-
 # One subtraction, one reciprocal, one product on each side: 3 * 2**-24 each, and as much again.
 FAR_GROWTH = np.float32(8 * 2.0**-23)
 LANES = 8
@@ -42,6 +40,20 @@ class BoxRay(NamedTuple):
     sz: int
 
 
+def spread(builder: Any, value: Any, kind: Any) -> Any:
+    """Return a vector of type ``kind`` with ``value`` in all its lanes."""
+    nothing = ir.Constant(kind, ir.Undefined)
+    one = builder.insert_element(nothing, value, ir.IntType(32)(0))
+    lanes = ir.Constant(ir.VectorType(ir.IntType(32), kind.count), [0] * kind.count)
+    return builder.shuffle_vector(one, nothing, lanes)
+
+
+def load(builder: Any, data: Any, place: Any, kind: Any) -> Any:
+    """Return the numbers of an array from ``place`` on as a vector of type ``kind``."""
+    pointer = builder.bitcast(builder.gep(data, [place]), kind.as_pointer())
+    return builder.load(pointer, align=4 if kind.element == ir.FloatType() else 8)
+
+
 def sort_key_plain(x: Any) -> int:
     """Return an integer that orders as the float32 ``x`` does."""
     bits = int(np.float32(x).view(np.int32))
@@ -53,23 +65,13 @@ def push_boxes_plain(
 ) -> tuple[int, int]:
     """Push those of a node's eight boxes that a ray meets, the nearest on top.
 
-    Parameters
-    ----------
-    rows : (n, 8, 8) float32
-        Of each node six rows: lower bounds in x, y, z, then upper bounds; two rows of links.
-    ray : BoxRay
-    t_lo, t_hi : float32
-    keys : (m,) int32
-    parents : (m,) uint32
-        Eight places from ``top`` on are overwritten, however many boxes are met.
-    top : int
-
-    Returns
-    -------
-    top : int
-        The new height.
-    nearest : int
-        The key that is now on top; `FARTHEST` if no box is met.
+    ``keys`` (m,) int32.
+    ``rows`` (n, 8, 8) float32: of each node six rows: lower bounds in x, y, z, then upper bounds;
+    two rows of links.
+    ``parents`` (m,) uint32: eight places from ``top`` on are overwritten, however many boxes are
+    met.
+    Returns ``top``: the new height.
+    ``nearest``: the key that is now on top; `FARTHEST` if no box is met.
     """
     x, y, z, rx, ry, rz, sx, sy, sz = ray
     met = []

@@ -74,19 +74,11 @@ def _misses_box(x, y, z, dx, dy, dz, end, half):
 def rays_to_float32(origin, direction, t_min, t_max, frame, near, away, reach, shift, rows):
     """Write the rays that meet the triangles' box as Embree takes them; return how many there are.
 
-    Parameters
-    ----------
-    origin, direction : (n, 3) float64
-    t_min, t_max : (n,) float64
-    frame : CoarseFrame
-    near, away : (n, 3) float32, written
-        Origins, advanced to t_min, and directions.
-    reach : (n,) float32, written
-        Largest t.
-    shift : (n,) float64, written
-        By how much t was advanced, in frame units.
-    rows : (n,) int64, written
-        Which ray each is.
+    ``origin``, ``direction`` (n, 3); ``t_min``, ``t_max`` (n,).
+    ``near``, ``away`` (n, 3) float32, written: origins, advanced to t_min, and directions.
+    ``reach`` (n,) float32, written: largest t.
+    ``shift`` (n,), written: by how much t was advanced, in frame units.
+    ``rows`` (n,) int64, written: which ray each is.
     """
     mx, my, mz = frame.middle[0], frame.middle[1], frame.middle[2]
     n = 0

@@ -34,22 +34,9 @@ def offer_each(i, offer, end, table, rays, best, any_hit):
 def offer_near(i, offer, table, members, rays, best, any_hit, stack):
     """Offer the roots of ray i with the surfaces that it comes near, front to back.
 
-    Parameters
-    ----------
-    i : int
-    offer : kernel of i, row of the table, table, rays and best
-    table : what it takes
-    members : Members
-    rays : Rays
-    best : Nearest, changed
-    any_hit : bool
-        Stop at the first hit.
-    stack : Stack, scratch
-
-    Returns
-    -------
-    int
-        Nodes that were looked into.
+    ``offer``, kernel of i, row of the table, table, rays and best; ``best``, Nearest, changed.
+    ``any_hit``: stop at the first hit.
+    Returns nodes that were looked into.
     """
     if any_hit and best.object_id[i] >= 0:
         return 0
@@ -75,3 +62,11 @@ def offer_near(i, offer, table, members, rays, best, any_hit, stack):
                 offer(i, begin + tree.order[k], table, rays, best)
         if is_far or count == 0 or (any_hit and best.object_id[i] >= 0):
             return all_nodes
+
+
+@inlined
+def finish_each(finish, table, rays, best, row_of, out):
+    """Describe the hits on a kind by ``finish``; ``row_of`` (objects,) is the object's row or -1."""
+    for i in range(best.t.shape[0]):
+        if best.object_id[i] >= 0 and row_of[best.object_id[i]] >= 0:
+            finish(table, row_of[best.object_id[i]], rays, best, i, out)

@@ -53,6 +53,19 @@ ONE_PLANE = 2.0**-42
 CLEAR, WITHIN_BAND, SUSPECT = 0, 1, 2
 # In place of the target's radius: the ray goes on behind one of its own roots, see `is_passed`.
 PASSED = -2.0
+# In place of t = 0 of a surface that was moved.
+JUST_BEHIND = -1e-300
+
+
+@inlined
+def not_zero(t, moved):
+    """Return t; of a surface that rounding has moved (`Surface.moved`), a number below zero for zero.
+
+    A ray's origin is no hit, and of the surface in which it lies there is no doubt. But an origin lies in
+    a moved surface by rounding: the root may be ahead. (That distance is also part of the band and, over
+    the slope, of the bound of each root.)
+    """
+    return t if t != 0.0 or moved == 0.0 else JUST_BEHIND
 
 
 @inlined

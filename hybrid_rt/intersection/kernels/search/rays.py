@@ -163,16 +163,9 @@ def complete_row(i, direction, unit, best, record):
 def complete_rows(direction, unit, best, record, totals):
     """Fill the columns that are the same for every kind of surface, and all columns of misses.
 
-    Parameters
-    ----------
-    direction : (n, 3) float64
-        As the rays have it.
-    unit : (n,) float64
-        Brings t into the caller's lengths.
-    best : Nearest
-    record : Record
-    totals : (2,) int64
-        Hits and TANGENT rows are added here.
+    ``direction`` (n, 3): as the rays have it.
+    ``unit`` (n,): brings t into the caller's lengths.
+    ``totals`` (2,) int64: hits and TANGENT rows are added here.
     """
     for i in range(unit.shape[0]):
         complete_row(i, direction, unit[i], best, record)
@@ -208,19 +201,12 @@ def name_points(origin, direction, object_id, position, reach, column, rounding,
 
     With the departures, the columns that follow are filled as for rays that see all objects.
 
-    Parameters
-    ----------
-    origin, direction : (n, 3) float64
-    object_id : (n,) int32
-        Negative: the ray names no point.
-    position : (n, 3) float64
-    reach : (objects,) float64
-        The largest number from which each object's points are computed.
-    column : int
-        0 for departures, 2 for targets.
-    rounding, most : float
-        Rounding of a point, and the largest distance from the ray that is still taken for
-        rounding, both over the size of its coordinates.
+    ``origin``, ``direction`` (n, 3); ``position`` (n, 3).
+    ``object_id`` (n,) int32: negative: the ray names no point.
+    ``reach`` (objects,): the largest number from which each object's points are computed.
+    ``column``: 0 for departures, 2 for targets.
+    ``rounding``, ``most``: rounding of a point, and the largest distance from the ray that is still
+    taken for rounding, both over the size of its coordinates.
     """
     for i in range(object_id.size):
         if column == 0:

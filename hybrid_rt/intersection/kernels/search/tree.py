@@ -244,12 +244,11 @@ def push_children(tree, node, ray, t_lo, t_cut, stack, top):
 def descend(tree, node, ray, t_lo, t_cut, stack, top):
     """Go down from a node to the nearest leaf below it that begins before t_cut.
 
-    Returns
-    -------
-    top : the new height: what else is met is on the stack
-    first, count : the leaf's primitives, places in ``tree.order``; count 0: there is no such leaf
-    key : of the leaf
-    nodes : how many nodes were looked into
+    Returns ``top`` the new height: what else is met is on the stack.
+    ``first``, ``count`` the leaf's primitives, places in ``tree.order``; count 0: there is no such
+    leaf.
+    ``key`` of the leaf.
+    ``nodes`` how many nodes were looked into.
     """
     nodes = 0
     while True:
@@ -272,9 +271,8 @@ def next_leaf(tree, ray, t_lo, t_cut, stack, top):
 
     ``top``: height of the stack; -1: the walk begins, at the root.
 
-    Returns
-    -------
-    top, first, count, nodes : as `descend`; count 0: there is no leaf any more
+    Returns ``top``, ``first``, ``count``, ``nodes`` as `descend`; count 0: there is no leaf any
+    more.
     """
     t_hi = cut_key(t_cut)
     nodes = 0

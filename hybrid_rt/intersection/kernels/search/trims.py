@@ -120,21 +120,11 @@ def _distance(trim, k, u, v, px, py, pz, qx, qy, qz, area, reach):
 def decide(trim, k, u, v, ux, uy, uz, vx, vy, vz, dx, dy, dz, band):
     """Decide about a root of row k; without loops (None) it is a hit.
 
-    Parameters
-    ----------
-    u, v : float
-        Of the root; ux ... vz: S_u and S_v there; dx, dy, dz: the ray, of any length.
-    band : float
-        64 eps x scale.
-
-    Returns
-    -------
-    is_hit : bool
-        It is inside the loops, or outside within the gap.
-    is_within : bool
-        Moving the ray by the band, or rounding, may change that.
-    edge : float
-        What the gap adds to the bound of t, in lengths of the frame; 0: the root is no EDGE.
+    ``u``, ``v``: of the root; ux ... vz: S_u and S_v there; dx, dy, dz: the ray, of any length.
+    ``band``: 64 eps x scale.
+    Returns ``is_hit``: it is inside the loops, or outside within the gap.
+    ``is_within``: moving the ray by the band, or rounding, may change that.
+    ``edge``: what the gap adds to the bound of t, in lengths of the frame; 0: the root is no EDGE.
     """
     if trim is None:
         return True, False, 0.0

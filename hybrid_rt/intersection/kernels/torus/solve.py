@@ -53,11 +53,10 @@ def look(line, s):
 def find_extremum(line, a, b, sign, band):
     """Look for the extremum of q in [a, b], where sign q is convex and q' changes its sign.
 
-    Returns
-    -------
-    known : OUTSIDE or INSIDE where f keeps away from zero by the band: of a minimum OUTSIDE says
-        that nothing is met in [a, b], of a maximum INSIDE does; else what f is at the extremum
-    s : a place where f is as ``known`` says (of the two above: where the search ended)
+    Returns ``known`` OUTSIDE or INSIDE where f keeps away from zero by the band: of a minimum
+    OUTSIDE says: that nothing is met in [a, b], of a maximum INSIDE does; else what f is at the
+    extremum.
+    ``s`` a place where f is as ``known`` says (of the two above: where the search ended).
     """
     r = line.minor
     # In units of q: what f = band is there, always on the safe side.

@@ -29,9 +29,16 @@ that are the same for all s do not change the shape of q; what is left of the er
 proportional to |s|, |x0.d| and |R rho'|.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
-from hybrid_rt.intersection.kernels.moved import not_zero
+from hybrid_rt.intersection.kernels.search.axial_trims import (
+    LONG,
+    TURN,
+    side_about_axis,
+    touches_kept,
+)
 from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.frame import (
     MARGIN,
@@ -43,12 +50,11 @@ from hybrid_rt.intersection.kernels.search.frame import (
     turned,
     turned_point,
 )
-from hybrid_rt.intersection.kernels.search.members import offer_each, offer_near
-from hybrid_rt.intersection.kernels.search.nearest import doubt, is_left_behind, offer
+from hybrid_rt.intersection.kernels.search.members import finish_each, offer_each, offer_near
+from hybrid_rt.intersection.kernels.search.nearest import doubt, is_left_behind, not_zero, offer
 from hybrid_rt.intersection.kernels.search.rays import EDGE
 from hybrid_rt.intersection.kernels.search.tolerances import NEAR_BEGIN, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.trims import has_gap
-from hybrid_rt.intersection.kernels.torus.loops import grazes_kept, side_of_root
 from hybrid_rt.intersection.kernels.torus.solve import (
     INSIDE,
     NEAR_INSIDE,
@@ -66,6 +72,63 @@ from meshing.kernels.jit import inlined, inner, kernel
 
 # The origin of s is moved to the point nearest the axis unless that is farther away than this.
 NEAR_AXIS = 2.5
+
+
+class TorusTable(NamedTuple):
+    """Tori, each with a frame in which R + r is from 1/2 to 1; row k is object ``object_id[k]``."""
+
+    origin: Any  # (k, 4) world; and, in the frame, `meshing.surface.Surface.moved`
+    size: Any  # (k,) world: R + r; more, if rounding has moved an image
+    frame: Any  # (k, 3, 3): rows along u = 0, a quarter turn, the axis
+    to_frame: Any  # (k,) powers of two
+    major: Any  # (k,) in the frame
+    minor: Any  # (k,)
+    orientation: Any  # (k,): 1 normals outward, -1 inward
+    object_id: Any  # (k,) int32
+    trim: Any  # None: they are whole; else `search.trims.Trim`
+
+
+def torus_table(tori, object_id, trim=None):
+    """Return the table of a list of tori, and of the loops that trim all of them."""
+    size = np.array([torus.major_radius + torus.minor_radius for torus in tori])
+    to_frame = 2.0 ** -np.ceil(np.log2(size))
+    moved = np.array([torus.moved for torus in tori])
+    return TorusTable(
+        origin=np.column_stack([[torus.origin for torus in tori], moved * to_frame]),
+        size=size + 2.0 * moved,
+        frame=np.array([np.stack([t.radial, t.binormal, t.axis]) for t in tori]),
+        to_frame=to_frame,
+        major=np.array([torus.major_radius for torus in tori]) * to_frame,
+        minor=np.array([torus.minor_radius for torus in tori]) * to_frame,
+        orientation=np.array([float(torus.orientation) for torus in tori]),
+        object_id=object_id,
+        trim=None if trim is None else trim._replace(gap=trim.gap * to_frame),
+    )
+
+
+@inlined
+def side_of_root(trim, k, line, s, orientation, band):
+    """Decide about a root at s on torus k, see `side_about_axis`; return its u and v as well."""
+    if trim is None:
+        return True, False, 0.0, 0.0, 0.0
+    x, y, z = line.x + s * line.vx, line.y + s * line.vy, line.z + s * line.vz
+    beside = np.sqrt(x * x + y * y) - line.major
+    u, v, turn = share_of_turn(y, x), share_of_turn(orientation * z, beside), TURN * orientation
+    is_hit, is_within, edge = side_about_axis(
+        trim, k, x, y, u, v, -turn * z, turn * beside, line.vx, line.vy, line.vz, band
+    )
+    return is_hit, is_within, edge, u, v
+
+
+@inner
+def grazes_kept(trim, k, line, s, orientation, band):
+    """Tell whether the torus where a ray grazes it, around s, may be inside the loops."""
+    if trim is None:
+        return True
+    x, y, z = line.x + s * line.vx, line.y + s * line.vy, line.z + s * line.vz
+    v = share_of_turn(orientation * z, np.sqrt(x * x + y * y) - line.major)
+    reach = LONG * np.sqrt(band)
+    return touches_kept(trim, k, x, y, v, TURN * line.minor, reach)
 
 
 @inlined
@@ -203,34 +266,36 @@ def is_edge(i, k, x, y, z, trim, table, rays):
     return side_of_root(trim, k, line, 0.0, table.orientation[k], 0.0)[2] > 0.0
 
 
+@inlined
+def _finish_torus(table, k, rays, best, i, out):
+    """Describe the hit of ray i on torus k."""
+    c, e = table.origin[k], table.frame[k]
+    to_frame, major, minor = table.to_frame[k], table.major[k], table.minor[k]
+    x, y, z = turned_point(i, rays, best.t[i], c, e, to_frame)
+    rho = np.sqrt(x * x + y * y)
+    beside = rho - major
+    away = np.sqrt(beside * beside + z * z)
+    if has_gap(table.trim, k) and is_edge(i, k, x, y, z, table.trim, table, rays):
+        out.flags[i] |= EDGE
+    # Along the ring's radius, and the normal: along that and along the axis.
+    x, y = x / rho, y / rho
+    n, m = beside / away, z / away
+    s = table.orientation[k]
+    ring = (major + minor * n) / to_frame
+    lift = minor * m / to_frame
+    for j in range(3):
+        radius = x * e[0, j] + y * e[1, j]
+        out.position[i, j] = c[j] + (ring * radius + lift * e[2, j])
+        out.normal[i, j] = s * (n * radius + m * e[2, j])
+    if table.trim is None:
+        out.u[i], out.v[i] = share_of_turn(y, x), share_of_turn(s * m, n)
+    else:
+        out.u[i], out.v[i] = best.a[i], best.b[i]
+    out.patch_id[i] = 0
+    out.residual[i] = abs(away - minor) / to_frame
+
+
 @kernel
 def finish_tori(table, rays, best, row_of, out):
     """Describe the hits on tori; ``row_of`` (objects,) is the object's row here or -1."""
-    for i in range(best.t.shape[0]):
-        if best.object_id[i] < 0 or row_of[best.object_id[i]] < 0:
-            continue
-        k = row_of[best.object_id[i]]
-        c, e = table.origin[k], table.frame[k]
-        to_frame, major, minor = table.to_frame[k], table.major[k], table.minor[k]
-        x, y, z = turned_point(i, rays, best.t[i], c, e, to_frame)
-        rho = np.sqrt(x * x + y * y)
-        beside = rho - major
-        away = np.sqrt(beside * beside + z * z)
-        if has_gap(table.trim, k) and is_edge(i, k, x, y, z, table.trim, table, rays):
-            out.flags[i] |= EDGE
-        # Along the ring's radius, and the normal: along that and along the axis.
-        x, y = x / rho, y / rho
-        n, m = beside / away, z / away
-        s = table.orientation[k]
-        ring = (major + minor * n) / to_frame
-        lift = minor * m / to_frame
-        for j in range(3):
-            radius = x * e[0, j] + y * e[1, j]
-            out.position[i, j] = c[j] + (ring * radius + lift * e[2, j])
-            out.normal[i, j] = s * (n * radius + m * e[2, j])
-        if table.trim is None:
-            out.u[i], out.v[i] = share_of_turn(y, x), share_of_turn(s * m, n)
-        else:
-            out.u[i], out.v[i] = best.a[i], best.b[i]
-        out.patch_id[i] = 0
-        out.residual[i] = abs(away - minor) / to_frame
+    finish_each(_finish_torus, table, rays, best, row_of, out)

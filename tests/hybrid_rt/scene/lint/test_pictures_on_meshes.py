@@ -23,7 +23,7 @@ from hybrid_rt import (
 )
 from hybrid_rt.rendering.summary import in_words
 from hybrid_rt.scene.compiled import compile_scene
-from hybrid_rt.scene.lint.pictures_on_meshes import pictures_on_meshes
+from hybrid_rt.scene.lint.faults import pictures_on_meshes
 
 CAMERA = Camera((0, -6, 2), (0, 0, 0), (0, 0, 1), width=8, height=6)
 MESH = TriangleMesh(trimesh.creation.box((1, 1, 1)))
