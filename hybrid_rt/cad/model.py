@@ -28,6 +28,7 @@ from meshing.checks import FloatArray, as_path, number, text_of
 from meshing.surface import Surface
 
 if TYPE_CHECKING:
+    from hybrid_rt.distance.record import ClosestRecord
     from hybrid_rt.materials.material import Material
     from hybrid_rt.scene.scene import Scene
 
@@ -138,20 +139,26 @@ class CadModel:
         words = ", ".join(f"{n} {name}" for name, n in counts.items())
         return f"CadModel({len(self.parts)} parts, {len(self.faces)} faces: {words}; unit {self.report['unit']})"
 
-    def face_at(self, hits: HitRecord) -> IntArray:
-        """Return the row of `faces` of each hit on `surfaces`; -1 on a miss, and on what comes after them."""
+    @property
+    def closed(self) -> BoolArray:
+        """(surfaces,) bool: those that bound closed parts, as `ClosestPoint` takes them."""
+        is_closed = np.array([part.is_closed for part in self.parts], np.bool_)
+        return is_closed[self.owners.part[self.owners.first_place[: len(self.surfaces)]]]
+
+    def face_at(self, hits: HitRecord | ClosestRecord) -> IntArray:
+        """Return the row of `faces` of each hit, or closest point, on `surfaces`; -1 on a miss, and on what comes after them."""
         first, row = self.owners.first_patch, self._objects(hits)
         face: IntArray = self.owners.face[first[row] + hits.patch_id % np.diff(first)[row]]
         return face
 
-    def part_at(self, hits: HitRecord) -> IntArray:
+    def part_at(self, hits: HitRecord | ClosestRecord) -> IntArray:
         """Return the number in `parts` of each hit, as `face_at` does."""
         row = self._objects(hits)
         place = np.where(row < len(self.surfaces), hits.instance_id, 0)
         part: IntArray = self.owners.part[self.owners.first_place[row] + np.maximum(place, 0)]
         return part
 
-    def _objects(self, hits: HitRecord) -> IntArray:
+    def _objects(self, hits: HitRecord | ClosestRecord) -> IntArray:
         n = len(self.surfaces)
         of: IntArray = np.where((hits.object_id >= 0) & (hits.object_id < n), hits.object_id, n)
         return of

@@ -41,6 +41,7 @@ examples:
   hybrid-rt cad part.step                          what a CAD file holds, and what of it is exact
   hybrid-rt render part.step                       a picture of it
   hybrid-rt rays part.step rays.npy --out hits.npz    first hits of the rays of a file
+  hybrid-rt deviation part.step scan.ply --out colored.ply    how far measured points are from it
 
 Scene scripts are Python programs and are executed: run only those that you trust.
 
@@ -193,6 +194,7 @@ def _parser(complete: bool = False) -> argparse.ArgumentParser:
     _add_tool(commands, "accuracy", "tell how fine a mesh must be")
     _add_tool(commands, "cad", "tell what a CAD file holds, and what of it is exact")
     _add_tool(commands, "rays", "trace the rays of a file, and write their hits")
+    _add_tool(commands, "deviation", "tell how far measured points are from a model")
     parser.commands = commands.choices
     for command in commands.choices.values() if complete else ():
         command.complete()
