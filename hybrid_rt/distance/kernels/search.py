@@ -277,19 +277,22 @@ def search_patch(shapes, trims, p, slack, found, heap, size, work):
                 is_done = True  # nowhere stationary
                 break
             if is_final:
-                # Is nothing else on this part as near?
-                m11, m22, m12 = h11 - e11 / 3.0, h22 - e22 / 3.0, abs(h12) + e12 / 3.0
+                # Is nothing else on this part as near? If it is cut, is nothing else stationary: is F convex?
+                counts = state == tb.WHOLE or d > found[DISTANCE] + 2.0 * slack
+                share = 1.0 / 3.0 if counts else 1.0
+                m11, m22, m12 = h11 - share * e11, h22 - share * e22, abs(h12) + share * e12
                 # What pushes outward at a side is no loss; and as |d| <= r, |g d| >= |g| d^2 / r.
                 f1 = 0.0 if (s == a0 and g1 > 0.0) or (s == a1 and g1 < 0.0) else g1
                 f2 = 0.0 if (t == b0 and g2 > 0.0) or (t == b1 and g2 < 0.0) else g2
-                if state == tb.WHOLE or d > found[DISTANCE] + 2.0 * slack:
+                if counts:
                     m11 += 2.0 * abs(g1 - f1) / r1
                     m22 += 2.0 * abs(g2 - f2) / r2
                 det = m11 * m22 - m12 * m12
                 if not (m11 > 0.0 and m22 > 0.0 and det > 0.0):
                     break
                 loss = (f1 * f1 + f2 * f2) * (m11 + m22) / det
-                if d - np.sqrt(max(f - loss, 0.0)) <= slack or step > NEWTON_STEPS - 4:
+                is_exact = d - np.sqrt(max(f - loss, 0.0)) <= slack
+                if is_exact or (step > NEWTON_STEPS - 4 and state == tb.WHOLE):
                     is_done = True
                     found_least = np.sqrt(max(f - loss, 0.0))
                     s, t = s + d1, t + d2
@@ -537,15 +540,16 @@ def search_curve(shapes, trims, row, p, slack, found, heap, size, work):
                 )  # fmt: skip
             break
         if abs(to) <= FINAL_STEP:
-            m = h - e / 3.0
             is_pushed = (s == a0 and g > 0.0) or (s == a1 and g < 0.0)
             counts = state == tb.WHOLE or d > found[DISTANCE] + 2.0 * slack
+            m = h - (e / 3.0 if counts else e)
             if is_pushed and counts:
                 m += 2.0 * abs(g) / r
             if not m > 0.0:
                 break
             loss = 0.0 if is_pushed else g * g / m
-            if d - np.sqrt(max(f - loss, 0.0)) <= slack or step > NEWTON_STEPS - 4:
+            is_exact = d - np.sqrt(max(f - loss, 0.0)) <= slack
+            if is_exact or (step > NEWTON_STEPS - 4 and state == tb.WHOLE):
                 is_done = True
                 # Of a cut turned cell only what is stationary counts.
                 if kind == tb.TURNED and state == tb.CUT and is_pushed and g * g > 2.0**-40 * m * j:
@@ -629,6 +633,7 @@ def search_triangle(shapes, row, p, slack, found):
     det = aa * bb - ab * ab
     s, t = ab * gb - bb * ga, ab * ga - aa * gb
     # The foot, then the sides: along a, along b, and from the end of a to that of b.
+    best, least, i, j, is_edge = np.inf, 0.0, 0.0, 0.0, False
     for side in range(4):
         if side == 0:
             if not (s > 0.0 and t > 0.0 and s + t < det):
@@ -647,18 +652,18 @@ def search_triangle(shapes, row, p, slack, found):
             v = 0.0 if side == 1 else at
         dx, dy, dz = x + u * ax + v * bx, y + u * ay + v * by, z + u * az + v * bz
         d = np.sqrt(dx * dx + dy * dy + dz * dz)
-        if d > found[LIMIT]:
-            continue
-        # Convex: no other point is nearer than by what the slopes toward the corners allow.
-        qa, qb = dx * ax + dy * ay + dz * az, dx * bx + dy * by + dz * bz
-        loss = u * qa + v * qb - min(0.0, qa, qb)
-        least = max(d - loss / d, 0.0) if d > 0.0 else 0.0
-        if least < d - slack:
-            continue  # not the nearest, or not for sure: a side is
-        piece, x, y, z = shapes.cell_id[row, tb.ARC], dx + p[0], dy + p[1], dz + p[2]
-        offer(found, shapes, k, piece, d, slack, u, v, x, y, z, side > 0)
+        if d < best:
+            # Convex: no other point is nearer than by what the slopes toward the corners allow.
+            qa, qb = dx * ax + dy * ay + dz * az, dx * bx + dy * by + dz * bz
+            loss = u * qa + v * qb - min(0.0, qa, qb)
+            best, i, j, is_edge = d, u, v, side > 0
+            least = max(d - loss / d, 0.0) if d > 0.0 else 0.0
+        if best - least <= slack:
+            break
+    x, y, z = x + i * ax + j * bx + p[0], y + i * ay + j * by + p[1], z + i * az + j * bz + p[2]
+    offer(found, shapes, k, shapes.cell_id[row, tb.ARC], best, slack, i, j, x, y, z, is_edge)
+    if best <= found[LIMIT]:
         found[FLOOR] = min(found[FLOOR], least)
-        return
 
 
 @inner
