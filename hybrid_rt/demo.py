@@ -3,8 +3,6 @@
 The teapot is Martin Newell's of 1975 (32 bicubic patches), here on its true surfaces.
 """
 
-from __future__ import annotations
-
 from importlib import resources
 
 import numpy as np

@@ -6,8 +6,6 @@ Indices are always int64, as those of trimesh's own engine; its Embree engine re
 segments of profiles, numbered consecutively through all objects.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any

@@ -4,8 +4,6 @@ A file holds the number of patches; then, for each patch, its two degrees and it
 (degree_v + 1) control points, one a line, v fastest. Blank lines are ignored.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -5,8 +5,6 @@ the name of object and parameter that messages use, as in "Sphere radius". Numbe
 allowed are a ValueError, other things a TypeError.
 """
 
-from __future__ import annotations
-
 import math
 import os
 from contextlib import suppress

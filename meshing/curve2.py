@@ -5,8 +5,6 @@ in Bernstein form (Sederberg and Wang, "Rational hodographs", CAGD 4, 1987). Its
 sign variations in integers, so none is overlooked.
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import pairwise
 from math import comb, lcm

@@ -5,8 +5,6 @@ products are a few 2**-104 of the largest term (Dekker, "A floating-point techni
 available precision", 1971). Arguments are arrays of any shape that broadcast.
 """
 
-from __future__ import annotations
-
 import math
 from typing import TypeAlias
 

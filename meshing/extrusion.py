@@ -1,7 +1,5 @@
 """Extrusions: profiles moved along a straight line, as Bezier patches."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Knots of B-splines, and the Bezier pieces that splines consist of."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

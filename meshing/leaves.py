@@ -6,8 +6,6 @@ a leaf becomes a vertex of all leaves that touch it, also across shared edges. E
 triangulated through all vertices on its sides: there are no cracks, and the bound still holds.
 """
 
-from __future__ import annotations
-
 import math
 from functools import singledispatch
 from typing import NamedTuple, TypeAlias

@@ -1,7 +1,5 @@
 """Checks of control nets and of weights, and their degrees in words."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import numpy as np

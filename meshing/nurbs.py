@@ -1,7 +1,5 @@
 """B-spline and NURBS surfaces, as the Bezier patches that they consist of."""
 
-from __future__ import annotations
-
 from typing import Self
 
 import numpy as np

@@ -5,8 +5,6 @@ A new file gets a random name in the folder of the old one, is opened only if no
 and, where the system allows it, the owner of the old file.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import secrets

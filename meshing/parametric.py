@@ -1,7 +1,5 @@
 """What parametric surfaces share: partial derivatives of any order at (u, v), boxes of their pieces."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 
 import numpy as np

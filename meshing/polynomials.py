@@ -1,7 +1,5 @@
 """Polynomials in x and y as Bezier patches."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from math import comb
 

@@ -1,7 +1,5 @@
 """Profiles of surfaces of revolution: input checks, weights, the turn, and their pieces."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise

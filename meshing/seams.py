@@ -4,8 +4,6 @@ Each piece has four edges, numbered 4 p + side with the sides u = 0, u = 1, v = 
 two run along v, the others along u. Corners are numbered 4 p + 2 i + j for (u, v) = (i, j).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

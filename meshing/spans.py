@@ -1,7 +1,5 @@
 """Parameters of patches that lie side by side on a sheet: (k, 4) spans, u0, u1, v0, v1 of each."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

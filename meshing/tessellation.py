@@ -1,7 +1,5 @@
 """Certified tessellation: triangles within a proven distance of surfaces, without cracks."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Loops of curves made ready for the classifier: joined, cut into monotone pieces, indexed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from itertools import product

@@ -1,7 +1,5 @@
 """Cylinders and cones, and circular arcs as rational profiles: turned surfaces of engineering."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 from itertools import pairwise

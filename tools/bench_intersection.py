@@ -27,7 +27,7 @@ from hybrid_rt.core.timing import in_turn
 from hybrid_rt.demo import teapot, vase
 from hybrid_rt.intersection.hit_errors import certified_hits, compare
 from meshing import BezierPatches, SurfaceOfRevolution, tessellate
-from proof.cases.campaign import SCENES
+from proof.cases.scenes import SCENES
 
 # Figures by name: each is put where it is kept as soon as it is measured.
 Rows = dict[str, Any]

@@ -85,7 +85,7 @@ def against_opencascade(n: int, rows: Rows) -> None:
         "over OpenCASCADE: Mrays/s, times its speed (least .. greatest), hits of 10 000 that differ"
     )
     try:
-        from proof import opencascade
+        from benchmarks import opencascade
     except ImportError:
         print("  left out: pip install cadquery-ocp-novtk")
         return

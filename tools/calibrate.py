@@ -5,7 +5,7 @@ and for the mean of the picture. Of the small scenes of all kinds only pixels ar
 mean of all renders: by paths after the most passes, by photons, which blur, after as many; "tiny
 bright lamp" and "mirror cabinet", whose light is too rare, are measured only. Then the blur that
 photons state, against floors of which the light is known without photons. Then certified hits of hard
-rays against their roots in double-double, and some to 60 digits (with mpmath): whether t_bound was
+rays before a screen and exact arithmetic, and some before exact arithmetic alone: whether t_bound was
 ever exceeded, and how loose it is.
 
 The exit code is 1 if a judged interval holds the truth less than 92 % of the time, or of pixels more
@@ -16,7 +16,6 @@ of the pictures, or if a bound is broken or loose.
 
 import argparse
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -26,14 +25,13 @@ from benchmarks.calibration import (
     PICTURES,
     Bounds,
     bounds,
-    bounds_by_digits,
     coverage,
 )
 from benchmarks.photon_truth import PHOTON_PICTURES, blur
 from hybrid_rt.cli.command import kept, one_or_more, run_tool
 from hybrid_rt.core import checks
 from hybrid_rt.core.records import FloatArray
-from proof.cases.campaign import SCENES
+from proof.cases.scenes import SCENES
 
 LEAST, MOST_OF_PIXELS = 0.92, 0.99
 HALF = 0.5
@@ -65,15 +63,11 @@ def main() -> int:
     )
     parser.add_argument("--blur-seeds", type=int, default=40, help="0: none")
     parser.add_argument("--hits", type=float, default=1e5, help="shared by the scenes; 0: none")
-    parser.add_argument("--digits-hits", type=float, default=1e4, help="to 60 digits; 0: none")
+    parser.add_argument("--exact-hits", type=float, default=1e4, help="by exact roots; 0: none")
     parser.add_argument("--threads", type=one_or_more, help="for blur and hits; noise takes one")
     parser.add_argument("--out", type=Path, help="write the figures as JSON")
     args = parser.parse_args()
     _check(args)
-    if args.digits_hits and find_spec("mpmath") is None:
-        raise ModuleNotFoundError(
-            "60 digits need the package mpmath: pip install 'hybrid-rt[dev]', or pass --digits-hits 0"
-        )
     pairs = _pairs(args) if args.seeds else []
     rows: list[dict[str, Any]] = []
     with kept(args.out, lambda: rows):
@@ -91,22 +85,22 @@ def main() -> int:
                 _blur(name, args.photon_passes[0], args.blur_seeds, args.threads)
                 for name in PHOTON_PICTURES
             )
-        for count, digits in ((args.hits, "exact arithmetic"), (args.digits_hits, "60 digits")):
+        for count, truth in ((args.hits, "screen"), (args.exact_hits, "exact roots")):
             share = -(-int(count) // len(SCENES))
-            rows.extend(_bind(name, share, digits, args.threads) for name in SCENES if count)
+            rows.extend(_bind(name, share, truth, args.threads) for name in SCENES if count)
     return 0 if all(row["honest"] for row in rows) else 1
 
 
 def _check(args: argparse.Namespace) -> None:
     """Refuse what cannot be counted, and to check nothing."""
-    seeds, hits = (args.seeds, args.blur_seeds), (args.hits, args.digits_hits)
+    seeds, hits = (args.seeds, args.blur_seeds), (args.hits, args.exact_hits)
     for option, n in zip(("--seeds", "--blur-seeds"), seeds, strict=True):
         checks.whole(n, option, at_least=0)
         if n == 1:
             raise ValueError(
                 f"{option} is 1, which tells nothing of the noise: pass 2 or more, or 0"
             )
-    for option, count in zip(("--hits", "--digits-hits"), hits, strict=True):
+    for option, count in zip(("--hits", "--exact-hits"), hits, strict=True):
         checks.number(count, option, at_least=0.0)
     if not any((*seeds, *hits)):
         raise ValueError("there is nothing to check: pass --seeds, --blur-seeds or --hits above 0")
@@ -174,29 +168,26 @@ def _blur(name: str, passes: int, n_seeds: int, threads: int | None) -> dict[str
     }  # fmt: skip
 
 
-def _bind(name: str, n_hits: int, digits: str, threads: int | None) -> dict[str, Any]:
+def _bind(name: str, n_hits: int, truth: str, threads: int | None) -> dict[str, Any]:
     parts: list[Bounds] = []
-    if digits == "60 digits":
-        parts.append(bounds_by_digits(SCENES[name](), n_hits, 1, threads))
-    else:
-        # Not every ray hits: go on until there are enough.
-        for part in bounds(SCENES[name](), 100 * n_hits, 1, threads):
-            parts.append(part)
-            if sum(len(p.looseness) for p in parts) >= n_hits:
-                break
+    # Not every ray hits: go on until there are enough.
+    for part in bounds(SCENES[name](), 100 * n_hits, 1, threads, truth == "exact roots"):
+        parts.append(part)
+        if sum(len(p.looseness) for p in parts) >= n_hits:
+            break
     looseness = np.concatenate([part.looseness for part in parts])
     hits, exceeded = len(looseness), sum(part.exceeded for part in parts)
     wrong = sum(part.wrong for part in parts)
     worst, median = max(part.worst for part in parts), float(np.median(looseness))
     honest = exceeded == 0 and wrong == 0 and median < LOOSE
     print(
-        f"{name:20} {digits}: {hits:7d} hits, {wrong} wrong; t_bound exceeded {exceeded} times "
+        f"{name:20} {truth}: {hits:7d} hits, {wrong} wrong; t_bound exceeded {exceeded} times "
         f"(largest error {worst:.2f} of it); t_bound / (eps scale / |cos|): median {median:.1f}, 99 % "
         f"below {np.quantile(looseness, 0.99):.1f}{'' if honest else '   BROKEN OR LOOSE'}",
         flush=True,
     )
     return {
-        "scene": name, "truth": digits, "hits": hits, "wrong": wrong, "exceeded": exceeded,
+        "scene": name, "truth": truth, "hits": hits, "wrong": wrong, "exceeded": exceeded,
         "worst": worst, "looseness_median": median,
         "looseness_99": float(np.quantile(looseness, 0.99)), "honest": honest,
     }  # fmt: skip

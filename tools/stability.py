@@ -41,7 +41,7 @@ def main() -> int:
     parser.add_argument("--factor", type=float, help="so many times the rays of a full run")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--limit", type=float, default=runner.LIMIT, help="seconds for one row")
-    parser.add_argument("--plots", type=Path, help="write the plots as PNG and SVG files here")
+    parser.add_argument("--plots", type=Path, help="write the plots as PNG files here")
     parser.add_argument("--fuzz", type=float, help="minutes of random cases besides")
     args = parser.parse_args()
     checks.whole(args.seed, "--seed", at_least=0)

@@ -1,7 +1,5 @@
 """The answer of a picture study: which method reaches an error soonest, or why none is named."""
 
-from __future__ import annotations
-
 import math
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Studies in sentences: what meshes change, what exact hits cost, under what conditions it was measured."""
 
-from __future__ import annotations
-
 import math
 import os
 import platform

@@ -5,8 +5,6 @@ the inequality of Cauchy and Schwarz the mean of x - r over n values, squared an
 r^2 + 0.01, is at most the squared relative RMSE; so each mean gives a lower bound of it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import combinations

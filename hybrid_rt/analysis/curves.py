@@ -1,7 +1,5 @@
 """Work-precision curves: cost and error of a method at each of its settings."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

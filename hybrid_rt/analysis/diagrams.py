@@ -3,8 +3,6 @@
 A diagram is written as SVG for a page, wide or narrow, as a page of a PDF file, or as a panel of an image file.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import textwrap

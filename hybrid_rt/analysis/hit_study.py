@@ -4,8 +4,6 @@ All tracers run in turn, so that changes of machine speed affect all alike. The 
 hits, found without triangles and without Embree. Build times are measured separately.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Lens prescriptions from the literature, and one that focuses without aberration."""
 
-from __future__ import annotations
-
 import math
 
 from hybrid_rt.analysis.lens import Focus, LensSurface

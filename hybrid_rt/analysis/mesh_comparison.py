@@ -1,7 +1,5 @@
 """First hits on true surfaces against first hits on their meshes, pixel by pixel."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

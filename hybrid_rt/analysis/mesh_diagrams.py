@@ -1,7 +1,5 @@
 """Pictures of the error of meshes: wrong hits against time, and where on a surface they are."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ Each rung of the ladder tessellates the same surfaces to a tolerance, measures h
 lie from them, and compares the first hits of accuracies "mesh" and "refined" with certified ones.
 """
 
-from __future__ import annotations
-
 import time
 import tracemalloc
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """What meshes, and hits that are not certified, do to a picture."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import partial

@@ -3,8 +3,6 @@
 `hybrid_rt.analysis.work_precision` measures curves; here they are interpolated and extrapolated.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field

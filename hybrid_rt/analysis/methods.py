@@ -1,7 +1,5 @@
 """The methods of a comparison: an integrator with its options, accuracy and mesh tolerance."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product

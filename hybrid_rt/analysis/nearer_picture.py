@@ -7,8 +7,6 @@ scatter is as large as the difference. Errors may also differ from place to plac
 So a verdict is left open only if the stated noise of the pictures is as large as the difference.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ take two or three. The rest is the same: Embree on triangles of a tolerance, and
 leaves the surface the next triangle is tried.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

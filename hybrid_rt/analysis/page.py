@@ -1,7 +1,5 @@
 """A self-contained HTML page of a study: the answer, how it was measured, diagrams, tables, pictures."""
 
-from __future__ import annotations
-
 import base64
 import io
 from collections.abc import Mapping, Sequence

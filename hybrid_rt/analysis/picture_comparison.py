@@ -1,7 +1,5 @@
 """Comparison of two pictures: errors, error maps, and the part that their noise explains."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """Sheets of pictures: a caption above each, as long as it needs, and a scale of colours below."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Sets of random rays aimed at any list of surfaces; every generator has a seed."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

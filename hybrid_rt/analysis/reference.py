@@ -1,7 +1,5 @@
 """The reference of a picture study: a long render, and another by other light transport to check it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The diagrams of picture studies and hit studies."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """The renders of a picture study: all methods in turn, with more and more passes."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Mapping, Sequence

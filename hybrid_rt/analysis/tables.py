@@ -1,7 +1,5 @@
 """Tables of the studies, for terminals, pages and CSV: units in the heads, words defined below."""
 
-from __future__ import annotations
-
 import math
 import re
 import textwrap

@@ -1,7 +1,5 @@
 """Numbers in words: seconds, shares and counts as one says them aloud."""
 
-from __future__ import annotations
-
 import math
 
 # From here on seconds are told as minutes, and minutes as hours.

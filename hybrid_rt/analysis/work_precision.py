@@ -6,8 +6,6 @@ within each run and that time is reported. `hybrid_rt.analysis.hit_study` does t
 hits.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

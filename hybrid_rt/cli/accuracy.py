@@ -1,7 +1,5 @@
 """``hybrid-rt accuracy``: how fine a mesh must be, and what exactness costs."""
 
-from __future__ import annotations
-
 import argparse
 import csv
 import importlib.util

@@ -1,7 +1,5 @@
 """Shared by all command lines: exit codes, Ctrl-C, messages of the library, JSON results."""
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 import io

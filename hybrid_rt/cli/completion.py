@@ -1,7 +1,5 @@
 """Completion of the command line in shells, by shtab (extra ``completion``)."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Callable

@@ -4,8 +4,6 @@ A script may name its default integrator in ``INTEGRATOR``, for example "ppm" fo
 lights. The command line overrides it.
 """
 
-from __future__ import annotations
-
 import importlib
 import os
 import runpy

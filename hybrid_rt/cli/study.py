@@ -1,7 +1,5 @@
 """``hybrid-rt study``: error against run time for a scene or a surface."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import asdict
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``hybrid-rt study --compare``: the curves of two earlier runs in one diagram."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """Studies as text and as files: curves.json, curves.csv, tables.tex, curves.png, curves.pdf and page.html."""
 
-from __future__ import annotations
-
 import csv
 import importlib.util
 import io

@@ -1,7 +1,5 @@
 """Checks of colours, choices, flags, lists; `meshing.checks` has those of numbers and vectors."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

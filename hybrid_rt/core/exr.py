@@ -1,7 +1,5 @@
 """Reading OpenEXR files, by the package OpenEXR of the extra ``exr``."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

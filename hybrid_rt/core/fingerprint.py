@@ -1,7 +1,5 @@
 """Fingerprints of objects: equal for equal contents, whatever process makes them."""
 
-from __future__ import annotations
-
 import copyreg
 import dis
 import hashlib

@@ -3,8 +3,6 @@
 Ward, "Real pixels", Graphics Gems II, 1991; the layout is that of the Radiance File Formats (1997).
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

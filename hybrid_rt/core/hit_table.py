@@ -1,7 +1,5 @@
 """Hit records as tables: a DataFrame of pandas, or comma-separated text."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from typing import Any

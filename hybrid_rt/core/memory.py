@@ -1,7 +1,5 @@
 """The memory that this process can have."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Iterator

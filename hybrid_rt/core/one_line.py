@@ -1,7 +1,5 @@
 """One-line descriptions for ``__repr__``: the call that makes an object, with the values that matter."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Frozen dataclasses as the plain dicts that JSON files hold, and back."""
 
-from __future__ import annotations
-
 import json
 import math
 import types

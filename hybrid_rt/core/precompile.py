@@ -6,8 +6,6 @@ They compile what they come to, except what another process has begun: they wait
 (`meshing.kernels.cache`), as this process waits for them. If helpers fail, only time is lost.
 """
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import os

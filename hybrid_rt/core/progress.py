@@ -1,7 +1,5 @@
 """The protocol of progress, and the time that compilation takes."""
 
-from __future__ import annotations
-
 import logging
 import sys
 import threading

@@ -1,7 +1,5 @@
 """What is meant by a name, an argument or an option that is not there: misspelt, or another program's."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 import re

@@ -5,8 +5,6 @@ their own. The result of a slice depends on its rays only, so the number of thre
 result.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait

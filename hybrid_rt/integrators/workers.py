@@ -93,7 +93,7 @@ class Run:
     """What the passes of a whole run bring together."""
 
     total: FloatArray  # (height, width, 3): sum of their radiances, in their order
-    means: tuple[float, ...]  # Of each, over the picture
+    means: tuple[float, ...]  # of each, over the picture
     # (2, height * width, 3): sums of what the blur is estimated from, and of its squares
     blur_change: FloatArray | None = None
 
@@ -105,10 +105,10 @@ Made = Pass | Run
 class Counts:
     """What was counted while passes were made, in plain types."""
 
-    ledger: dict[str, Any]  # That of `Ledger.as_dict`
+    ledger: dict[str, Any]  # that of `Ledger.as_dict`
     work: dict[str, int]  # dict of int: counters of the intersector
-    coarse_seconds: float  # What of the intersector's seconds was spent on coarse hits
-    own: dict[str, Any]  # What the integrator counts by itself
+    coarse_seconds: float  # what of the intersector's seconds was spent on coarse hits
+    own: dict[str, Any]  # what the integrator counts by itself
 
 
 class Workers:

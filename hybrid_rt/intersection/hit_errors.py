@@ -59,7 +59,7 @@ class Certified:
 class Errors:
     """First hits of one method against certified ones."""
 
-    wrong_hits: WrongHits  # Without rays of status TANGENT
+    wrong_hits: WrongHits  # without rays of status TANGENT
     # |t - exact t| over the correct hits, scene units
     mean: float
     worst: float

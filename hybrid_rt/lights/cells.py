@@ -1,7 +1,5 @@
 """Shining surfaces cut into cells, and the tree by which points of them are chosen as seen."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A sky whose radiance depends on elevation only."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

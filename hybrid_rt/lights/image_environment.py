@@ -1,7 +1,5 @@
 """Environment light from a latitude-longitude image."""
 
-from __future__ import annotations
-
 import os
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The interface of lights and environments."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Point lights."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rectangular area lights."""
 
-from __future__ import annotations
-
 import math
 
 from numpy.typing import ArrayLike

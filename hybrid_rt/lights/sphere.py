@@ -1,7 +1,5 @@
 """Spherical area lights."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

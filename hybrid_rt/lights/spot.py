@@ -1,7 +1,5 @@
 """Spot lights."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Area lights on any surface: points sampled as seen or by area, and shapes that kernels sample."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cached_property
 

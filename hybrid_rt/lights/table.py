@@ -1,7 +1,5 @@
 """The table of lights, and the probabilities with which one of them is sampled."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -5,8 +5,6 @@ precision has 11 bits where a screen has 8. Compression would cost more than it 
 to the same machine.
 """
 
-from __future__ import annotations
-
 import math
 import threading
 import time

@@ -1,7 +1,5 @@
 """What a pixel holds, and what the camera ray through its centre meets."""
 
-from __future__ import annotations
-
 import threading
 from typing import Any
 

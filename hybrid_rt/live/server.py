@@ -5,8 +5,6 @@ the token; its Host must be this server (or a name that leads here would do, DNS
 Origin this page (or a form elsewhere could press the button), and no answer allows other origins.
 """
 
-from __future__ import annotations
-
 import errno
 import hmac
 import json

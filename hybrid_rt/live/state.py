@@ -1,7 +1,5 @@
 """What a page is told of a render: progress, errors, counts; as JSON types."""
 
-from __future__ import annotations
-
 import math
 import time
 from typing import Any

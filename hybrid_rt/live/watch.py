@@ -1,7 +1,5 @@
 """The live page: it watches a render, and serves what it sees to browsers on this machine."""
 
-from __future__ import annotations
-
 import secrets
 import threading
 import time

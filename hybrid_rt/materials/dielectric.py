@@ -1,7 +1,5 @@
 """Smooth dielectrics: glass, water, air bubbles."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Emissive surfaces."""
 
-from __future__ import annotations
-
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks

@@ -1,7 +1,5 @@
 """Diffuse surfaces."""
 
-from __future__ import annotations
-
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core.one_line import call

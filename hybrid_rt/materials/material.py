@@ -4,8 +4,6 @@ Integrators see only the flat table of all lobes, so a mixture is just more lobe
 material is one file.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from hybrid_rt.shading.kernels.lobes.register import TRAITS

@@ -1,7 +1,5 @@
 """Polished and brushed metal."""
 
-from __future__ import annotations
-
 from numpy.typing import ArrayLike
 
 from hybrid_rt.core import checks

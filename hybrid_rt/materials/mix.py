@@ -1,7 +1,5 @@
 """Mixtures of materials."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Glossy surfaces: the energy-conserving Phong model."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

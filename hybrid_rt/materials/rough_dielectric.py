@@ -1,7 +1,5 @@
 """Rough dielectrics: frosted glass."""
 
-from __future__ import annotations
-
 import math
 
 from numpy.typing import ArrayLike

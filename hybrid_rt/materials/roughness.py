@@ -1,7 +1,5 @@
 """Conversion of a material's roughness to the alpha of GGX."""
 
-from __future__ import annotations
-
 from hybrid_rt.core import checks
 
 # Its square is the least alpha of the kernels.

@@ -1,7 +1,5 @@
 """The table of lobes of a scene, and the textures that colour them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

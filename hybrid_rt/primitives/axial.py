@@ -1,7 +1,5 @@
 """What closed-form surfaces about an axis have in common: their frame and their orientation."""
 
-from __future__ import annotations
-
 import copy
 from typing import Self
 

@@ -1,7 +1,5 @@
 """Vertex normals of triangle meshes, and their interpolation."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """The share of wrong first hits at accuracy "mesh" or "refined", measured on some camera rays."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ The geometric channels come from one ray through the centre of each pixel and of
 no noise and are not antialiased.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -7,8 +7,6 @@ picture with a name of its own, and no error that a report states refers to it.
 Afra, "Intel Open Image Denoise", https://www.openimagedenoise.org.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import os

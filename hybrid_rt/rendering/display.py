@@ -1,7 +1,5 @@
 """How a result shows itself: on one line, as a picture, and in a notebook as a picture with its report."""
 
-from __future__ import annotations
-
 import base64
 import html
 import io

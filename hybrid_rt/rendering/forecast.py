@@ -1,7 +1,5 @@
 """What a smaller error of a render will cost, from its report."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """What decides the bits of a pass, and in words where two renders differ in it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """Saving the sums of a render in a store, and going on from them."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Stopping criteria: a number of passes, a time budget, a target error; the first reached stops."""
 
-from __future__ import annotations
-
 import math
 import time
 from typing import Any

@@ -1,7 +1,5 @@
 """The memory that a render will take, checked before it begins."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from hybrid_rt.core.memory import available_bytes, bytes_in_words

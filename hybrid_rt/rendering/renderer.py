@@ -1,7 +1,5 @@
 """`render`, the main loop: trace passes, add them to the film, stop at a limit, make the report."""
 
-from __future__ import annotations
-
 import logging
 from contextlib import ExitStack
 

@@ -3,8 +3,6 @@
 The page "The report" of the documentation explains every entry.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The warnings of a report as text: what no error estimate counts, and how to mend it."""
 
-from __future__ import annotations
-
 import math
 
 from hybrid_rt.integrators.photons.figures import LightNotFound

@@ -1,7 +1,5 @@
 """What a render returns: a picture, its report, and what is done with them."""
 
-from __future__ import annotations
-
 import math
 import os
 from dataclasses import dataclass, field

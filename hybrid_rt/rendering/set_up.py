@@ -1,7 +1,5 @@
 """From a scene to what makes its passes: tables, intersector, plan, workers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from copy import deepcopy
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The report as text: noise, blur, geometric error, cost, and what stopped the render."""
 
-from __future__ import annotations
-
 import math
 
 from hybrid_rt.integrators.photons.figures import LightNotFound

@@ -1,7 +1,5 @@
 """Shares, passes and seconds as words of a report."""
 
-from __future__ import annotations
-
 # Seconds that are better said in minutes.
 LONG = 120.0
 

@@ -118,7 +118,7 @@ class Missing:
     # Whether even the limit that one estimate of a thousand is beyond is above the mean, or one of
     # a region
     is_contradicted: bool
-    region: int | None  # The region that lacks the most, if none but regions are contradicted
+    region: int | None  # the region that lacks the most, if none but regions are contradicted
 
 
 def missing_light(

@@ -1,7 +1,5 @@
 """The environment of a render, for its report: versions."""
 
-from __future__ import annotations
-
 import platform
 from functools import cache
 from importlib import metadata

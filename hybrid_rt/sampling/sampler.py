@@ -4,8 +4,6 @@ The key is (seed, pixel, dimension, pass); each use of random numbers has a dime
 results do not depend on blocks, threads, order or machine, and any pass can be computed again.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -5,8 +5,6 @@ curves share an arc. Pairs of pieces are ruled out by disjoint boxes, or because
 parallel to a tangent of the other: such pieces cross, and share no arc. What is left is halved.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from hybrid_rt.core.records import BoolArray, FloatArray

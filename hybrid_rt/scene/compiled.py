@@ -1,7 +1,5 @@
 """The compiled scene: flat tables of surfaces, BSDFs, textures and lights for the kernels."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field

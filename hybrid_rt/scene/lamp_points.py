@@ -1,7 +1,5 @@
 """Points spread evenly over each lamp, at which its surroundings are looked at before a render."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

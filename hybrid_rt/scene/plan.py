@@ -1,7 +1,5 @@
 """The plan: which features a scene needs, decided once; features it does not need cost nothing."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol

@@ -1,7 +1,5 @@
 """Which dielectrics may coincide in part with other surfaces."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The perspective camera: pinhole or thin lens."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

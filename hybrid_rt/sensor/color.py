@@ -1,7 +1,5 @@
 """The sRGB transfer function and its inverse."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -1,7 +1,5 @@
 """The film: passes are summed by groups; the noise is estimated from the groups' differences."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -51,11 +49,11 @@ def regions_of(height: int, width: int) -> NDArray[np.int64]:
 class RelativeErrors:
     """Estimated relative root mean square errors of a picture; nan after one pass."""
 
-    whole: float  # Over all pixels
+    whole: float  # over all pixels
     # Without the worst pixels; ``whole`` if there are none. nan if a pixel is not finite.
     trimmed: float
-    n_worst: int  # Number of the worst pixels: 0.1 %, rounded down, so none of less than 1000
-    share_of_worst: float  # Of the sum of squared errors, the part in the worst pixels, 0 to 1
+    n_worst: int  # number of the worst pixels: 0.1 %, rounded down, so none of less than 1000
+    share_of_worst: float  # of the sum of squared errors, the part in the worst pixels, 0 to 1
     # What ``trimmed`` will be after twice as many passes, and after 16 at least, if each worst
     # pixel is a dot: a path that other pixels will meet as often. It is above ``trimmed`` where the
     # worst pixels will soon be too few to hold the dots.
@@ -86,8 +84,8 @@ class Noise(MeanNoise):
     relative_rmse_trimmed_ahead: float
     worst_pixels: int
     worst_pixels_share_of_squared_error: float
-    pixels_without_light: int  # Those that are black in every pass, whose error counts as none
-    pixels_dark: int  # All others darker than `DIM`
+    pixels_without_light: int  # those that are black in every pass, whose error counts as none
+    pixels_dark: int  # all others darker than `DIM`
 
 
 class Film:

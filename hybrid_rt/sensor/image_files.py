@@ -1,7 +1,5 @@
 """Image files (.png, .npz, .exr), written atomically, with the report beside each."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

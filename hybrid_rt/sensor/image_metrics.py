@@ -1,7 +1,5 @@
 """Error metrics: a picture against a reference (RMSE, relative MSE, bias)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ and that of the mean allows for the skewness that bright paths give it. docs/err
 the coverage.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Means over the surroundings of each pixel."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from hybrid_rt.core.records import FloatArray

@@ -1,7 +1,5 @@
 """The orthographic camera: parallel rays from the points of a film."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The panoramic camera: all directions in one picture, by latitude and longitude."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

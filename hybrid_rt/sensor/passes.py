@@ -1,7 +1,5 @@
 """The assignment of pass numbers to groups; each group has random numbers of its own."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """What all cameras are: a map from places in the picture to rays, and back."""
 
-from __future__ import annotations
-
 import copy
 from abc import ABC, abstractmethod
 from itertools import product

@@ -1,7 +1,5 @@
 """Snell's law on arrays of rays, for those who trace lenses and mirrors themselves."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

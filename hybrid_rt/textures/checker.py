@@ -1,7 +1,5 @@
 """Checker textures, in surface parameters or in world space."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The table of textures of a scene."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from hybrid_rt.core.records import IntArray

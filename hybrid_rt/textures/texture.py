@@ -1,7 +1,5 @@
 """The interface of textures, and the constant colour."""
 
-from __future__ import annotations
-
 import os
 from abc import ABC, abstractmethod
 from dataclasses import dataclass

@@ -14,8 +14,6 @@ own file has changed, or of a file that its file imports from a folder ``kernels
 Times of files do not count: a fresh clone or installation can use a cache that was copied to it.
 """
 
-from __future__ import annotations
-
 import atexit
 import functools
 import hashlib

@@ -3,6 +3,9 @@
 import numpy as np
 
 from meshing import BezierPatches
+from proof.cases.rational_surfaces import weighted_petal as petal
+
+__all__ = ["bumpy", "cylinder", "octant", "petal", "rational_values", "sphere"]
 
 HALF = np.sqrt(0.5)
 # A quarter of the unit circle: points and weights.
@@ -39,12 +42,6 @@ def bumpy(degree_u, degree_v, spread, seed):
     u, v = np.meshgrid(np.linspace(0, 1, degree_u + 1), np.linspace(0, 1, degree_v + 1))
     net = np.stack([u.T, v.T, 0.3 * rng.normal(size=u.T.shape)], axis=-1)
     return net, np.exp(spread * rng.normal(size=u.T.shape))
-
-
-def petal():
-    """A patch with two collapsed edges."""
-    net = [[(0, 0, 0)] * 3, [(1, -1, 0.3), (1, 0, 0.6), (1, 1, 0.2)], [(2, 0, 0)] * 3]
-    return BezierPatches([net], [[(1, 0.5, 2), (0.7, 1.5, 0.4), (1, 1, 0.6)]])
 
 
 def rational_values(net, weights, u, v):

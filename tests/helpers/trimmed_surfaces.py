@@ -1,12 +1,12 @@
-"""Trimmed surfaces for tests, and rays past their edges."""
+"""Trimmed surfaces for tests, and rays past their edges.
+
+Those that the judges have as well come from `proof.cases.trimmed_surfaces`.
+"""
 
 import numpy as np
 
-from hybrid_rt import Asphere, Rectangle, Sphere, Torus
 from meshing import (
     BezierPatches,
-    Curve2,
-    Cylinder,
     NurbsSurface,
     SurfaceOfRevolution,
     TrimmedSurface,
@@ -14,6 +14,17 @@ from meshing import (
     polygon,
 )
 from proof.cases.rational_surfaces import octants
+from proof.cases.trimmed_surfaces import cut_lens, wavy_loop, windowed_cylinder, windowed_torus
+from proof.cases.trimmed_surfaces import drilled_part as turned_part
+from proof.cases.trimmed_surfaces import drilled_plate as slanted_plane
+from proof.cases.trimmed_surfaces import trimmed_patch as bumpy
+from proof.cases.trimmed_surfaces import windowed_ball as _windowed_ball
+
+__all__ = [
+    "OUTLINE", "ball_piece", "bumpy", "cap", "cut_lens", "edge_rays", "nurbs_torus", "nurbs_tube",
+    "part_of_cone", "plate", "ring", "sheet", "slanted_plane", "turned_part", "wavy_loop",
+    "windowed_ball", "windowed_cylinder", "windowed_torus",
+]  # fmt: skip
 
 OUTLINE = polygon([(0, 0), (1, 0), (1, 1), (0, 1)])
 
@@ -22,31 +33,6 @@ def plate(loops=None, gap=0.0):
     """The square of side 2 about the origin, in z = 0, with a round hole of radius 1/2."""
     flat = BezierPatches([[[[-1, -1, 0], [-1, 1, 0]], [[1, -1, 0], [1, 1, 0]]]])
     return TrimmedSurface(flat, loops or [OUTLINE, circle((0.5, 0.5), 0.25)], gap)
-
-
-def wavy_loop(rng, centre, radius, arcs, degree, weights):
-    """A closed chain of random arcs around a point."""
-    n = arcs * degree
-    a = 2 * np.pi * np.arange(n) / n
-    away = radius * rng.uniform(0.6, 1.3, n)
-    points = np.column_stack([centre[0] + away * np.cos(a), centre[1] + away * np.sin(a)])
-    points = np.concatenate([points, points[:1]])
-    return [
-        Curve2(points[k : k + degree + 1], rng.uniform(0.3, 2.0, degree + 1) if weights else None)
-        for k in range(0, n, degree)
-    ]
-
-
-def bumpy(seed=1):
-    """A bicubic patch with an outline of cubics and a hole of rational quadratics."""
-    rng = np.random.default_rng(seed)
-    x, y = np.meshgrid(np.linspace(-1, 1, 4), np.linspace(-1, 1, 4), indexing="ij")
-    net = np.stack([x, y, rng.uniform(-0.5, 0.5, (4, 4))], axis=-1)
-    loops = [
-        wavy_loop(rng, (0.5, 0.5), 0.38, 4, 3, False),
-        wavy_loop(rng, (0.45, 0.5), 0.15, 3, 2, True),
-    ]
-    return TrimmedSurface(BezierPatches(net[None]), loops)
 
 
 def sheet(seed=2):
@@ -94,20 +80,16 @@ def edge_rays(surface, n, seed, reach=3.0):
     return point + reach * away, -away, beside * surface.size
 
 
-def windowed_cylinder():
-    """A cylinder of radius 1 and length 2 with a window across its seam and a round one."""
-    window = polygon([(-0.1, 0.3), (0.15, 0.25), (0.12, 0.7), (-0.08, 0.6)])
-    return TrimmedSurface(
-        Cylinder((0.1, 0.2, -1), (0.2, 0.1, 1), 1.0, 2.0),
-        [OUTLINE, window, circle((0.5, 0.5), (0.1, 0.2))],
-    )
+def windowed_ball():
+    """A flipped sphere with a window over a pole's meridians, a round one across the seam."""
+    return _windowed_ball().flipped()
 
 
 def part_of_cone():
     """Part of a cone's turn inside one smooth outline."""
     rng = np.random.default_rng(5)
     cone = SurfaceOfRevolution([(0, 0.2), (1, 1)], (0, 0, 0), (0, 0, 1), u_range=(0.1, 0.75))
-    return TrimmedSurface(cone, [wavy_loop(rng, (0.5, 0.5), 0.35, 4, 3, False)])
+    return TrimmedSurface(cone, [wavy_loop(rng, 0.35, 4, 3, False)])
 
 
 def cap():
@@ -115,31 +97,6 @@ def cap():
     quarter = [(0, 1), (1, 1), (1, 0)]
     dome = SurfaceOfRevolution(quarter, (0, 0, 0), (0, 0, 1), weights=(1, np.sqrt(0.5), 1))
     return TrimmedSurface(dome, [polygon([(0, 0.5), (1, 0.5), (1, 1), (0, 1)])])
-
-
-def slanted_plane():
-    """A parallelogram in space inside one smooth outline, with a round hole."""
-    rng = np.random.default_rng(8)
-    plane = Rectangle((-1, -0.5, 0.3), (2, 0.3, 0.1), (0.2, 1.5, -0.4))
-    loops = [wavy_loop(rng, (0.5, 0.5), 0.38, 4, 3, True), circle((0.45, 0.5), (0.1, 0.2))]
-    return TrimmedSurface(plane, loops)
-
-
-def turned_part():
-    """A turned part of five segments, with a drilled hole across three and a slot across the seam."""
-    corner = np.sqrt(0.5)
-    segments = [
-        [(0, 0.3), (0, 1)],
-        [(0, 1), (0.9, 1)],
-        [(0.9, 1), (1, 1), (1, 0.9)],
-        [(1, 0.9), (1.2, 0.4)],
-        [(1.2, 0.4), (1.5, 0.5), (1.8, 0.2), (2, 0.3)],
-    ]
-    weights = [None, None, (1, corner, 1), None, None]
-    part = SurfaceOfRevolution(segments, (0.1, 0, -1), (0.2, 0.1, 1), weights=weights)
-    middle = 0.5 * (part.v_breaks[2] + part.v_breaks[3])
-    slot = polygon([(-0.05, 0.2), (0.1, 0.25), (0.08, 0.8), (-0.02, 0.85)])
-    return TrimmedSurface(part, [OUTLINE, circle((0.6, middle), (0.08, 0.2)), slot])
 
 
 def ring():
@@ -153,27 +110,6 @@ def ring():
     whole = SurfaceOfRevolution(segments, (0, 0, 0.1), (0.1, 0.3, 1), u_range=(-0.1, 0.65))
     notch = polygon([(0.3, -0.1), (0.5, -0.15), (0.6, 0.2), (0.35, 0.12)])
     return TrimmedSurface(whole, [OUTLINE, notch, circle((0.3, 0.6), (0.1, 0.2))])
-
-
-def windowed_ball():
-    """A flipped sphere with a window over a pole's meridians, a round one across the seam, a sector."""
-    ball = Sphere((0.1, 0.2, -0.3), 0.8, (0.2, 0.1, 1), (1, 0.3, 0)).flipped()
-    sector = polygon([(0.55, 1), (0.7, 0.8), (0.85, 1)])
-    return TrimmedSurface(ball, [OUTLINE, sector, circle((0.02, 0.45), (0.1, 0.2))])
-
-
-def windowed_torus():
-    """A torus with windows across both seams, and one beside them."""
-    tube = Torus((0.1, -0.2, 0.3), (0.3, -0.2, 1), 1.0, 0.45)
-    across = polygon([(-0.1, -0.2), (0.12, -0.15), (0.08, 0.2), (-0.05, 0.1)])
-    return TrimmedSurface(tube, [OUTLINE, across, circle((0.5, 0.55), (0.2, 0.15))])
-
-
-def cut_lens():
-    """An aspheric surface inside a smooth outline that holds the vertex, with a hole."""
-    lens = Asphere(1.5, -0.7, [0, 0.05, -0.02], 2.0, (0.1, 0.2, 0), (0.2, 0, 1))
-    shape = polygon([(0, 0), (0, 0.6), (0.3, 0.95), (0.7, 0.5), (1, 0.6), (1, 0)])
-    return TrimmedSurface(lens, [shape, circle((0.35, 0.5), (0.1, 0.2))])
 
 
 # Nine points of the unit circle as four rational quarters; the last is the first.

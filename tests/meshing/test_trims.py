@@ -51,8 +51,8 @@ def loops_of(kind):
             polygon([(0.5, 0.5), (0.75, 0.5), (0.75, 0.25), (0.25, 0.75)]),
         ]
     return [
-        wavy_loop(rng, (0.5, 0.5), 0.3, 3, 5, True),
-        wavy_loop(rng, (0.4, 0.5), 0.3, 4, 3, False),
+        wavy_loop(rng, 0.3, 3, 5, True),
+        wavy_loop(rng, 0.3, 4, 3, False),
     ]
 
 

@@ -21,10 +21,15 @@ class Judge:
     tangent_every : int
         Of the rows with TANGENT that the screen does not confirm each so-manyth is judged: no decision
         of theirs is guaranteed.
+    marks : bool
+        Whether to ask which rows need the mark TANGENT, and which say it without need. Then exact
+        arithmetic judges every row.
     """
 
-    def __init__(self, surfaces: Sequence[Any], tangent_every: int = 1) -> None:
-        self._every, self._seen = tangent_every, 0
+    def __init__(
+        self, surfaces: Sequence[Any], tangent_every: int = 1, marks: bool = False
+    ) -> None:
+        self._every, self._seen, self._marks = tangent_every, 0, marks
         self._surfaces, self._screen = list(surfaces), Screen(surfaces)
         self._exact: ExactJudge | None = None
 
@@ -34,8 +39,9 @@ class Judge:
         origins: FloatArray,
         directions: FloatArray,
         leaves: IntArray | None = None,
+        near: float = 0.0,
     ) -> BatchVerdict:
-        """Judge the first hits of rays, but not which rows say TANGENT without need.
+        """Judge the first hits of rays.
 
         Parameters
         ----------
@@ -43,13 +49,18 @@ class Judge:
         origins, directions : (n, 3) float64
         leaves : (n,) integers, optional
             The objects that the rays leave from; -1 for none.
+        near : float
+            How near the rays come to a singular set, scene units: far ones are not asked whether they
+            need the mark.
 
         Returns
         -------
         BatchVerdict
             Its worst errors are those of the rows that exact arithmetic was asked about.
         """
-        unsure = ~self._screen.confirmed(hits, origins, directions, leaves)
+        unsure = np.ones(len(hits), np.bool_)
+        if not self._marks:
+            unsure = ~self._screen.confirmed(hits, origins, directions, leaves)
         is_tangent = hits.status == Status.TANGENT
         marked = np.flatnonzero(unsure & is_tangent)
         kept = marked[(self._seen + np.arange(len(marked))) % self._every == 0]
@@ -61,8 +72,9 @@ class Judge:
                 self._exact = ExactJudge(self._surfaces)
             left = None if leaves is None else np.asarray(leaves)[rows]
             verdict = self._exact.judge(
-                hits[rows], origins[rows], directions[rows], leaves=left, marks=False
-            )
+                hits[rows], origins[rows], directions[rows], leaves=left, marks=self._marks,
+                distance=np.full(len(rows), near),
+            )  # fmt: skip
         verdict.rays, verdict.hits = len(hits), int(hits.hit.sum())
         verdict.tangent, verdict.asked = int(is_tangent.sum()), len(rows)
         verdict.passed_over = len(marked) - len(kept)

@@ -90,10 +90,14 @@ class SurfaceFilter(ABC):
         super().__init_subclass__(**options)
         SurfaceFilter.known[of] = cls
 
+    # Fills in what is certain, from a table of the surface and working memory.
+    kernel: Callable[..., None] | None = None
+
     def __init__(self, surface: Any) -> None:
         self.surface = surface
+        self._table: Any = None
+        self._scratch: Any = None
 
-    @abstractmethod
     def first(
         self, origins: FloatArray, directions: FloatArray, leaves: BoolArray, hit_t: FloatArray
     ) -> FloatArray:
@@ -111,8 +115,14 @@ class SurfaceFilter(ABC):
         -------
         (n, N_COLUMNS) float64
             See `kernels.first`: whether there is one, t and its radius, hit_t - t and its radius,
-            and from which t on there may be others.
+            and from which t on there may be others. Without a kernel nothing is certain.
         """
+        out = np.zeros((len(origins), first.N_COLUMNS))
+        if self.kernel is None:
+            out[:, first.UNSURE_FROM] = -np.inf
+        else:
+            self.kernel(self._table, origins, directions, leaves, hit_t, self._scratch, out)
+        return out
 
     @abstractmethod
     def gap(
@@ -125,8 +135,8 @@ class SurfaceFilter(ABC):
 
     def ball(self) -> tuple[FloatArray, float]:
         """Return the middle and the diameter, scene units; -1 if it is unbounded."""
-        low, high = self.surface.bounds
-        return 0.5 * (low + high), float(np.linalg.norm(high - low))
+        middle, size = exact_of(self.surface).ball()
+        return np.array(middle), -1.0 if size is None else size
 
 
 def exact_of(surface: Any) -> ExactSurface:

@@ -24,44 +24,44 @@ TOOLS = Path(__file__).parents[2] / "tools"
 def test_ctrl_c_keeps_what_was_found(tmp_path, monkeypatch, capsys):
     """The first figures of one scene are there when the second ones are interrupted."""
 
-    def stopped(*arguments):
-        yield next(steps(*arguments))
+    def stopped(*arguments, **options):
+        yield next(run(*arguments, **options))
         raise KeyboardInterrupt
 
-    steps = campaign.steps
-    monkeypatch.setattr(campaign, "steps", stopped)
+    run = campaign.run
+    monkeypatch.setattr(campaign, "run", stopped)
     file = tmp_path / "figures.json"
-    words = ["verify_hits.py", "--rays", "500", "--scene", "vase", "--out", str(file)]
+    words = ["verify.py", "--hard", "500", "--only", "vase", "--out", str(file)]
     monkeypatch.setattr(sys, "argv", words)
     with pytest.raises(SystemExit) as ended:
-        runpy.run_path(str(TOOLS / "verify_hits.py"), run_name="__main__")
+        runpy.run_path(str(TOOLS / "verify.py"), run_name="__main__")
     assert ended.value.code == 130
     captured = capsys.readouterr()
-    assert "vase: 500 rays" in captured.out
+    assert "vase   " in captured.out
     assert "interrupted: what was found so far stands above" in captured.err
-    assert json.loads(file.read_text())["vase"]["verdict"]["rays"] > 0
+    assert json.loads(file.read_text())[0]["count"]["rays"] == 500
 
 
 @pytest.mark.parametrize(
     ("change", "words", "code"),
     [
-        ({}, "wrong", 0),
-        ({"bounds_broken": 1}, "t_bound is broken: vase", 1),
-        ({"off_ray": 1}, "points lie beside their rays: vase", 1),
-        ({"rays": 0}, "0 rays judged", 1),
+        ({}, "500 rays, 0 faults", 0),
+        ({"bounds_broken": 1}, "500 rays, 1 faults", 1),
+        ({"off_ray": 1}, "500 rays, 1 faults", 1),
+        ({"rays": 0}, "0 rays, 0 faults", 1),
     ],
 )
 def test_what_breaks_a_promise_or_judges_nothing_fails(change, words, code, monkeypatch, capsys):
-    def spoiled(*arguments):
-        for tally in steps(*arguments):
-            tally.verdict = replace(tally.verdict, **change)
-            yield tally
+    def spoiled(*arguments, **options):
+        for group in run(*arguments, **options):
+            group.count = replace(group.count, unmarked=0, **change)
+            yield group
 
-    steps = campaign.steps
-    monkeypatch.setattr(campaign, "steps", spoiled)
-    monkeypatch.setattr(sys, "argv", ["verify_hits.py", "--rays", "500", "--scene", "vase"])
+    run = campaign.run
+    monkeypatch.setattr(campaign, "run", spoiled)
+    monkeypatch.setattr(sys, "argv", ["verify.py", "--hard", "500", "--only", "vase"])
     with pytest.raises(SystemExit) as ended:
-        runpy.run_path(str(TOOLS / "verify_hits.py"), run_name="__main__")
+        runpy.run_path(str(TOOLS / "verify.py"), run_name="__main__")
     assert ended.value.code == code
     assert words in capsys.readouterr().out
 
@@ -188,15 +188,6 @@ def refusal_of(monkeypatch, capsys):
     return run
 
 
-def test_digits_need_a_package_and_say_so_first(without, refusal_of):
-    without("mpmath")
-    error = refusal_of(["calibrate.py"])
-    assert error == (
-        "calibrate.py: 60 digits need the package mpmath: pip install 'hybrid-rt[dev]', or pass "
-        "--digits-hits 0\n"
-    )
-
-
 def test_spots_that_cannot_be_drawn_are_said_before_they_are_traced(
     without, tmp_path, monkeypatch, refusal_of
 ):
@@ -215,7 +206,7 @@ def test_spots_that_cannot_be_drawn_are_said_before_they_are_traced(
         (
             [
                 "calibrate.py", "--integrator", "whitted", "--picture", "caustic edge",
-                "--blur-seeds", "0", "--hits", "0", "--digits-hits", "0",
+                "--blur-seeds", "0", "--hits", "0", "--exact-hits", "0",
             ],
             "no picture is by whitted: 'caustic edge' is by ppm. Pass one of these as --integrator, or",
         ),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from proof.cases.rays import hard_rays
+from proof.exact.judge import ExactJudge
 from proof.judge import Judge
 
 # Pixels of the pictures: enough for a mean, few enough for hundreds of pictures.
@@ -229,47 +231,26 @@ class Bounds:
 
 
 def bounds(
-    surfaces: Sequence[Any], n_rays: int, seed: int, threads: int | None = None
+    surfaces: Sequence[Any],
+    n_rays: int,
+    seed: int,
+    threads: int | None = None,
+    exactly: bool = False,
 ) -> Iterator[Bounds]:
-    """Test the bounds of certified hits of n hard rays, some thousands at a time."""
-    judge = Judge(surfaces)
+    """Test the bounds of certified hits of n hard rays, some thousands at a time.
+
+    Exactly: by the exact roots of all rays, which tell how much of its bound each error takes; else the
+    screen confirms most of them.
+    """
+    judge = partial(ExactJudge(surfaces).judge, marks=False) if exactly else Judge(surfaces).judge
     for rays, hits in _hits(surfaces, n_rays, seed, threads):
-        verdict = judge.judge(hits, rays.origins, rays.directions)
+        verdict = judge(hits, rays.origins, rays.directions)
         yield Bounds(
             verdict.n_wrong,
             verdict.bounds_broken,
             verdict.worst_bound,
             _looseness(surfaces, hits, rays),
         )
-
-
-def bounds_by_digits(
-    surfaces: Sequence[Any], n_hits: int, seed: int, threads: int | None = None
-) -> Bounds:
-    """Test the bounds of n certified hits of hard rays by the roots next to them, to 60 digits."""
-    from proof.many_digits import exact_t, excess
-
-    looseness, worst, exceeded, left = [], 0.0, 0, n_hits
-    for all_rays, all_hits in _hits(surfaces, 100 * n_hits, seed, threads):
-        # At ends of (u, v) the root may be that of a neighbour, and at poles Newton ends nowhere.
-        inner = (all_hits.u % 1.0 != 0.0) & (all_hits.v % 1.0 != 0.0)
-        has_uv = np.array([surface.is_freeform for surface in surfaces])[all_hits.object_id]
-        rows = np.flatnonzero((all_hits.status == Status.HIT) & (inner | ~has_uv))[:left]
-        rays = RaySet(all_rays.origins[rows], all_rays.directions[rows], all_rays.names[rows])
-        hits = all_hits[rows]
-        error = excess(hits.t, exact_t(surfaces, hits, rays.origins, rays.directions))
-        # Where Newton ends nowhere the error is nan: counted as exceeding whatever the bound.
-        none = np.full(len(rows), np.inf)
-        ratio = np.divide(error, hits.t_bound, out=none, where=hits.t_bound > 0.0)
-        ratio[error == 0.0] = 0.0
-        ratio[np.isnan(ratio)] = np.inf
-        looseness.append(_looseness(surfaces, hits, rays))
-        worst = max(worst, float(ratio.max(initial=0.0)))
-        exceeded += int((ratio > 1.0).sum())
-        left -= len(rows)
-        if left == 0:
-            break
-    return Bounds(0, exceeded, worst, np.concatenate(looseness))
 
 
 def _hits(

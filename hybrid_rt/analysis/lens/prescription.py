@@ -1,7 +1,5 @@
 """The lines of a lens prescription, and the surfaces that they describe."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Beer-Lambert absorption along rays, and the count of the dielectrics that they are in."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray

@@ -1,7 +1,5 @@
 """The media in which paths begin: at the camera, and at each point of the lamps."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import Any
 

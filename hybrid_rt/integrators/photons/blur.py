@@ -1,7 +1,5 @@
 """The blur of photon mapping, estimated from what discs of half the area find in each pass."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

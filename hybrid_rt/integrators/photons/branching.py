@@ -9,8 +9,6 @@ expected at a time.
 Arvo and Kirk, "Particle transport and image synthesis", SIGGRAPH 1990.
 """
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from typing import Any
 

@@ -11,8 +11,6 @@ Where lobes are so narrow that photons, too, would miss what the camera sees of 
 last lobe before the camera is widened. All else is unbiased but for the blur of photons seen in mirrors.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass
@@ -59,8 +57,8 @@ IN_A_CELL, HALVINGS, MOST_PLACES = 8, 20, 20_000
 class MeanEstimate:
     """An estimate of the mean of a picture over pixels and channels."""
 
-    n_photons: int  # Photons traced
-    n_seen: int  # Those that the camera sees, or that are connected to what it sees
+    n_photons: int  # photons traced
+    n_seen: int  # those that the camera sees, or that are connected to what it sees
     # How many events of one size would have the same relative error; 0 if none of the photons of a
     # light is seen
     n_effective: float
@@ -69,7 +67,7 @@ class MeanEstimate:
     low: float
     high: float
     least: float  # A limit that a true mean is below in one estimate of a thousand
-    of_highlights: float  # The part of ``mean`` that narrow lobes show of lights without area
+    of_highlights: float  # the part of ``mean`` that narrow lobes show of lights without area
     # The radiance of the brightest place that reflects light widely, about: the mean of the
     # channels where `IN_A_CELL` photons lie closest together
     brightest_place: float

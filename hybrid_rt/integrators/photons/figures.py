@@ -1,7 +1,5 @@
 """What a report says of photons, and of the light that they alone find."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from hybrid_rt.core.plain_records import absent
@@ -14,8 +12,8 @@ NOT_MEASURED = "paths without a surface that spreads light widely"
 class LightNotFound:
     """Light that an integrator does not find, of paths that meet a wide lobe."""
 
-    photons: int  # Photons traced
-    max_depth: int  # Bounces that they were followed for
+    photons: int  # photons traced
+    max_depth: int  # bounces that they were followed for
     # What they carried there, over what they carried behind their first surface: about the share of
     # this light that has more bounces, and that ``mean`` lacks
     lost_share: float

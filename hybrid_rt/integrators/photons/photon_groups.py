@@ -1,7 +1,5 @@
 """Groups of photons: the power of each light, the sequences and the blocks that its photons come in."""
 
-from __future__ import annotations
-
 import functools
 import math
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ the nearest photons of both. That is fast and smooth, but the discs do not shrin
 reduce noise, not blur.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ While some threads still work on the eye pass of one pass, others trace the phot
 thread waits in between, and at most two photon maps exist at a time.
 """
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Callable, Generator, Mapping
 from concurrent.futures import Future

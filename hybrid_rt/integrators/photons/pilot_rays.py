@@ -1,7 +1,5 @@
 """A pilot set of camera rays, with random numbers that no pass uses, and what it finds of thin things."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

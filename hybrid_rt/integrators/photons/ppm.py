@@ -6,8 +6,6 @@ independent: each traces photons of its own and one or more camera paths per pix
 pass to pass (`radius_factor`), so in the mean of the passes both noise and blur vanish.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

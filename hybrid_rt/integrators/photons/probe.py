@@ -7,8 +7,6 @@ mirrors, through glass and on metal is estimated by photon mapping: camera rays 
 where they end. That is blurred, so a little is lost at edges.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace

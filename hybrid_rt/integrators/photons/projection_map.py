@@ -6,8 +6,6 @@ pdf of directions toward them has a closed form. A surface that fills its sphere
 by several smaller ones.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

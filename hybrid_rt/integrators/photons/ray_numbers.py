@@ -10,8 +10,6 @@ The optimum of variance times cost is that of splitting: Arvo and Kirk, "Particl
 synthesis", SIGGRAPH 1990.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass, replace

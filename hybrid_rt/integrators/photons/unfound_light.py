@@ -9,8 +9,6 @@ Which kinds of paths an integrator finds does not depend on how long they may be
 followed for `LEAST_DEPTH` bounces at least, even if the picture has a smaller ``max_depth``.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

@@ -36,7 +36,7 @@ LEAST_CONTRIBUTION = 1e-3
 class Branches:
     """Active rays, in the order of their camera rays."""
 
-    depth: int  # Number of reflections and refractions so far
+    depth: int  # number of reflections and refractions so far
     camera_ray: NDArray[np.int64]  # (n,) int64: row in the block of camera rays
     # (n,) uint64: key of the branch's random numbers: its place in the ray tree, 1 at the camera
     node: UIntArray
@@ -45,7 +45,7 @@ class Branches:
     directions: FloatArray
     throughput: FloatArray  # (n, 3)
     media: IntArray  # (n, STACK) int32: medium stacks; (n, 0) if the scene has no dielectric
-    source: HitRecord | None  # Hits that the rays leave; None at the camera
+    source: HitRecord | None  # hits that the rays leave; None at the camera
 
     def __len__(self) -> int:
         """Return the number of rays."""

@@ -1,7 +1,5 @@
 """All faults of a scene, as a report has them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ where two coincide, so the other may not be seen at all. (A `RectangleLight` is 
 shine, or shines to the other side; see `hybrid_rt.scene.lint.lamps_in_surfaces`.)
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray

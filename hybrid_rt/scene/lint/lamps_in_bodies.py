@@ -5,8 +5,6 @@ body crosses its surface, so light stays there; a room with the camera in it is 
 several surfaces, and those of meshes, are not looked at, as they may be open.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

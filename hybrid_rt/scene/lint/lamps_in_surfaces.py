@@ -6,8 +6,6 @@ So the light counts as lying in front of the surface, on the side to which it em
 there by a tiny offset; after that nothing coincides, and no special case is left.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ Rectangles shine on the side of edge_u x edge_v, so two edges that are swapped t
 spot light is turned away by a direction that was meant to be a point.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from hybrid_rt.core.records import FloatArray

@@ -5,8 +5,6 @@ space they share is filled by one of them for rays from one side, and by the oth
 the other side.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections import defaultdict
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Warps: from angles about an axis to directions."""
 
-from __future__ import annotations
-
 import math
 
 from meshing.kernels.jit import inlined

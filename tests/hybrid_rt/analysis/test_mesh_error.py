@@ -8,7 +8,7 @@ import pytest
 
 from hybrid_rt.analysis.mesh_error import climb
 from hybrid_rt.core.plain_records import as_json
-from proof.cases.campaign import torus
+from proof.cases.scenes import torus
 
 
 def test_errors_fall_with_the_tolerance(tmp_path):

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 import trimesh
+from hard_rays import assert_crossings_are_exact
 from trimesh.ray.ray_pyembree import RayMeshIntersector as Embree
 
 from hybrid_rt import Box, Intersector, Sphere, TriangleMesh
 from hybrid_rt.demo import teapot, vase
 from hybrid_rt.trimesh_adapter import RayMeshIntersector
-from meshing import SurfaceOfRevolution
-from proof.cases.campaign import ellipsoid, torus
 from proof.cases.rays import chords, edges
+from proof.cases.scenes import ellipsoid, torus
 
 CLOSED = {
     "torus": torus,
@@ -54,31 +54,10 @@ def test_a_shared_edge_counts_once(name):
     assert odd <= {"vase": 0.03, "mesh": 0.01}.get(name, 0.0)
 
 
-def test_counts_of_a_torus_are_those_of_its_quartic():
-    """A tube whose arcs are cubics is no torus: one made of segments about a true quartic is."""
-    radius, tube = 1.0, 0.4
-    parabola = SurfaceOfRevolution(
-        [(-tube, radius), (0.0, radius + 2 * tube), (tube, radius)], (0, 0, 0), (0, 0, 1)
-    )
-    rays = chords([parabola], 400, seed=4)
-    found = Intersector([parabola]).intersect_all(rays.origins, rays.directions)
-    for i in range(400):
-        o, d = rays.origins[i], rays.directions[i]
-        if abs(d[2]) < 1e-3:
-            continue
-        # r = radius + tube (1 - (z / tube)^2), and s = (z + tube) / (2 tube) in [0, 1].
-        z = np.polynomial.Polynomial([o[2], d[2]])
-        r = radius + tube - z * z / tube
-        gap = sum(np.polynomial.Polynomial([o[k], d[k]]) ** 2 for k in range(2)) - r * r
-        roots = gap.roots()
-        real = roots[np.abs(roots.imag) < 1e-9].real
-        inside = np.abs(z(real)) <= tube
-        true = np.sort(real[inside & (r(real) > 0) & (real > 0)])
-        t = found.of(i).t
-        if (found.of(i).status == 2).any() or (np.diff(true) < 1e-6).any():
-            continue
-        assert len(t) == len(true)
-        assert np.allclose(t, true, rtol=0, atol=1e-9)
+def test_all_crossings_of_a_turned_torus_are_the_exact_ones():
+    surface = torus()
+    rays = chords([surface], 300, seed=4)
+    assert_crossings_are_exact(surface, rays.origins, rays.directions, {0, 2, 4})
 
 
 def test_repeated_calls_say_the_same():

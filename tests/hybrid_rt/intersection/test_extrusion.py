@@ -3,35 +3,7 @@
 import numpy as np
 import pytest
 
-from hybrid_rt import Intersector, Status
-from meshing import Cylinder, Extrusion, circular_arc
-
-
-def arcs_at(radius):
-    """A circle about z, as rational arcs in space."""
-    segments, weights = circular_arc((0.0, 0.0), radius, 0.0, 1.0)
-    return [np.column_stack([arc, np.zeros(3)]) for arc in segments], weights
-
-
-def test_a_circle_moved_along_its_axis_is_the_cylinder():
-    segments, weights = arcs_at(1.5)
-    swept = Extrusion(segments, (0, 0, 4), weights)
-    turned = Cylinder((0, 0, 0), (0, 0, 1), 1.5, 4)
-    rng = np.random.default_rng(1)
-    targets, ways = (
-        rng.uniform((-1.5, -1.5, 0), (1.5, 1.5, 4), (5000, 3)),
-        rng.normal(size=(5000, 3)),
-    )
-    ours, theirs = (
-        Intersector(s, coarse="none").intersect_all(targets - 6 * ways, ways)
-        for s in (swept, turned)
-    )
-    assert np.array_equal(ours.count, theirs.count)
-    a, b = ours.hits, theirs.hits
-    assert len(a) > 5000
-    assert (np.abs(a.t - b.t) <= a.t_bound + b.t_bound).all()
-    np.testing.assert_allclose(a.normal, b.normal, atol=1e-10)
-    assert (a.status == Status.HIT).mean() > 0.999
+from meshing import Extrusion
 
 
 def test_points_are_the_profile_and_its_shift():

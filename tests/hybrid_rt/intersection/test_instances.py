@@ -24,10 +24,10 @@ from hybrid_rt import (
     circle,
     demo,
 )
-from proof.cases.campaign import patches_of_mixed_degrees
 from proof.cases.placed import placed
 from proof.cases.rational_surfaces import octants
 from proof.cases.rays import hard_rays
+from proof.cases.scenes import patches_of_mixed_degrees
 from proof.cases.trimmed_surfaces import trimmed_patch
 from proof.exact.judge import ExactJudge
 from proof.surfaces.instances import one_by_one

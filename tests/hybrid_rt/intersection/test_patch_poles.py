@@ -125,21 +125,6 @@ def test_hits_beside_the_pole_of_a_sphere(radius):
         assert np.abs(normal - truth).max() <= 600 * EPS, distance
 
 
-@pytest.mark.parametrize("tilt", [0.1, 0.7])
-def test_slanted_rays_beside_the_pole_of_a_sphere(tilt):
-    tracer = Intersector([octants()], coarse="none")
-    direction = np.array([np.sin(tilt) * 0.6, np.sin(tilt) * 0.8, -np.cos(tilt)])
-    for distance in DISTANCES:
-        x, y = about_the_axis(distance)
-        points = np.column_stack([x, y, np.sqrt(1.0 - x * x - y * y)])
-        origins = points - 4.0 * direction
-        hits = tracer.intersect(origins, direction)
-        assert (hits.status == Status.HIT).all(), distance
-        # What the origin was rounded by, over the cosine.
-        assert np.abs(hits.t - 4.0).max() <= 16 * EPS / np.cos(tilt) + hits.t_bound.max()
-        assert np.abs(hits.position - points).max() <= 64 * EPS
-
-
 def test_rays_at_a_pole_whose_surface_is_open_say_so():
     whole = octants()
     some = BezierPatches(list(whole.patches[:7]), list(whole.weights[:7]))

@@ -1,7 +1,5 @@
 """Tori: closed forms, hard rays at every singular set judged by exact quartics, and the manners."""
 
-import pickle
-
 import numpy as np
 import pytest
 from hard_rays import (
@@ -16,7 +14,7 @@ from hard_rays import (
     unit,
 )
 
-from hybrid_rt import Box, Intersector, Status, Torus
+from hybrid_rt import Intersector, Status, Torus
 
 TORI = {
     "ring": Torus((0.2, -0.1, 0.3), (0.3, -0.2, 1), 1, 0.4),
@@ -231,60 +229,6 @@ def test_all_crossings_are_the_roots_of_the_quartic():
     assert np.array_equal(
         found.hits.front_face, (np.arange(len(found)) - found.offsets[found.ray]) % 2 == 0
     )
-
-
-def test_powers_of_two_change_nothing():
-    torus, rng = TORI["ring"], np.random.default_rng(4)
-    origins, directions = rng.normal(size=(2, 500, 3))
-    hits = Intersector([torus]).intersect(origins, directions)
-    assert 50 < hits.hit.sum() < 450
-    for scale in (2.0**-40, 2.0**40):
-        image = torus.transformed(np.diag([scale, scale, scale, 1]))
-        there = Intersector([image]).intersect(scale * origins, directions)
-        assert np.array_equal(there.t, scale * hits.t)
-        assert np.array_equal(there.status, hits.status)
-        for column in ("u", "v", "normal"):
-            assert np.array_equal(getattr(there, column), getattr(hits, column), equal_nan=True)
-
-
-def test_images_are_met_where_their_points_are():
-    torus, rng = TORI["ring"], np.random.default_rng(6)
-    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    for linear in (1.7 * turn, -0.3 * turn):  # one of the two is a reflection
-        matrix = np.eye(4)
-        matrix[:3, :3], matrix[:3, 3] = linear, (5, -3, 2)
-        image = torus.transformed(matrix)
-        origins, directions = rng.normal(size=(2, 300, 3))
-        hits = Intersector([torus]).intersect(origins, directions)
-        there = Intersector([image]).intersect(
-            origins @ linear.T + matrix[:3, 3], directions @ linear.T
-        )
-        assert np.array_equal(hits.hit, there.hit)
-        rows = hits.hit
-        # A hit moves by rounding over its slope.
-        slope = np.abs(np.einsum("ij,ij->i", hits.normal, unit(directions)))[rows]
-        for one, two in ((hits.u, there.u), (hits.v, there.v)):
-            apart = np.abs(one[rows] - two[rows])
-            assert (np.minimum(apart, 1 - apart) * slope < 1e-13).all()
-        assert np.array_equal(
-            hits.front_face[rows], there.front_face[rows] == (np.linalg.det(linear) > 0)
-        )
-
-
-def test_equal_tori_tie_and_anything_pickles():
-    torus, rng = TORI["ring"], np.random.default_rng(8)
-    surfaces = [Box((5, 5, 5), (6, 6, 6)), torus, torus]
-    origins, directions = rng.normal(size=(2, 300, 3))
-    tracer = Intersector(surfaces, threads=1)
-    hits = tracer.intersect(origins, directions)
-    assert set(hits.object_id) == {-1, 1}
-    again = pickle.loads(pickle.dumps(tracer)).intersect(origins, directions)
-    one_by_one = [tracer.intersect(o, d).t[0] for o, d in zip(origins, directions, strict=True)]
-    assert np.array_equal(hits.t, again.t)
-    assert np.array_equal(hits.t, one_by_one)
-    copy = pickle.loads(pickle.dumps(torus.flipped()))
-    assert np.array_equal(copy.normal(0.3, 0.2), torus.flipped().normal(0.3, 0.2))
-    np.testing.assert_allclose(copy.point(0.3, 0.8), torus.point(0.3, 0.2), atol=1e-15)
 
 
 def test_carriers_of_the_same_torus_are_equal():

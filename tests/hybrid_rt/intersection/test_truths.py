@@ -1,8 +1,7 @@
-"""First hits against closed forms and against mpmath at 60 digits."""
+"""First hits against closed forms."""
 
 from fractions import Fraction
 
-import mpmath
 import numpy as np
 import pytest
 import trimesh
@@ -15,49 +14,6 @@ EPS = 2.0**-52
 
 def unit(vectors):
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-
-
-def exact_sphere(center, radius, origin, direction):
-    """Both roots at 60 digits, or none."""
-    with mpmath.workdps(60):
-        f = [
-            mpmath.mpf(float(a)) - mpmath.mpf(float(b)) for a, b in zip(origin, center, strict=True)
-        ]
-        d = [mpmath.mpf(float(x)) for x in direction]
-        a = sum(x * x for x in d)
-        b = sum(x * y for x, y in zip(f, d, strict=True))
-        c = sum(x * x for x in f) - mpmath.mpf(radius) ** 2
-        disc = b * b - a * c
-        if disc < 0:
-            return []
-        return [(-b - mpmath.sqrt(disc)) / a, (-b + mpmath.sqrt(disc)) / a]
-
-
-@pytest.mark.parametrize(
-    ("radius", "distance", "name"),
-    [(1e5, 1e5 - 1.0, "C01 wall"), (1e3, 1e3 + 1e-3, "C02 ground"), (1.0, 1e8, "C03 far")],
-)
-def test_spheres_of_any_size_and_distance(radius, distance, name):
-    rng = np.random.default_rng(len(name))
-    n = 300
-    center = np.array([0.0, 0.0, -distance])
-    origin = 0.01 * rng.normal(size=(n, 3))
-    target = center + radius * unit(rng.normal(size=(n, 3)))
-    if radius > 1.0:  # from beside the surface, mostly along it
-        target = origin + rng.normal(size=(n, 3)) * (1.0, 1.0, 0.1)
-    direction = target - origin
-    hits = Intersector([Sphere(center, radius)]).intersect(origin, direction)
-    scale = max(distance, 2 * radius)
-    for i in range(n):
-        roots = [t for t in exact_sphere(center, radius, origin[i], direction[i]) if t > 0]
-        if not roots or hits.status[i] == Status.TANGENT:
-            assert not roots or hits.status[i] != Status.MISS
-            assert roots or hits.status[i] != Status.HIT
-            continue
-        error = abs(float(mpmath.mpf(hits.t[i]) - roots[0]))
-        assert error <= hits.t_bound[i]
-        cosine = abs(hits.normal[i] @ direction[i]) / np.linalg.norm(direction[i])
-        assert error * np.linalg.norm(direction[i]) <= 64 * EPS * scale / cosine
 
 
 def test_origin_on_a_sphere_finds_the_other_side():
@@ -133,7 +89,7 @@ def test_rays_within_a_plane_up_to_rounding_are_decided_by_their_exact_slope():
 def test_no_ray_slips_between_triangles():
     ball = trimesh.creation.icosphere(subdivisions=4)
     rng = np.random.default_rng(5)
-    n = 100_000
+    n = 20_000
     origin = 2.0 * unit(rng.normal(size=(n, 3)))
     k = rng.integers(len(ball.vertices), size=n)
     other = ball.vertices[[ball.vertex_neighbors[i][0] for i in k]]
@@ -147,89 +103,38 @@ def test_no_ray_slips_between_triangles():
         assert (hits.t[hits.hit] <= 1 + 1e-9).all()
 
 
-def lathe(profile, **kwargs):
-    return SurfaceOfRevolution(profile, (0.5, -0.25, 1.0), (0, 0, 1), **kwargs)
-
-
-CONE = lathe([(0.0, 0.0), (2.0, 1.0)])
-CYLINDER = lathe([(0.0, 1.0), (2.0, 1.0)])
-DISC = lathe([(0.5, 0.0), (0.5, 1.0)])
-
-
-def closed_form(kind, o, d):
-    """First root on the cone, cylinder or disc of unit radius, about its own origin."""
-    o = o - (0.5, -0.25, 1.0)
-    x, y, z = o.T
-    dx, dy, dz = d.T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        if kind == "disc":
-            t = (0.5 - z) / dz
-            inside = np.hypot(x + t * dx, y + t * dy) <= 1.0
-            return np.where(inside & (t > 0), t, np.inf)
-        k = 0.25 if kind == "cone" else 0.0
-        a = dx * dx + dy * dy - k * dz * dz
-        b = x * dx + y * dy - k * z * dz
-        c = x * x + y * y - k * z * z - (0.0 if kind == "cone" else 1.0)
-        root = np.sqrt(b * b - a * c)
-        best = np.full(len(o), np.inf)
-        for t in ((-b - root) / a, (-b + root) / a, -c / (2 * b)):
-            gap = np.abs(a * t * t + 2 * b * t + c)
-            height = z + t * dz
-            good = (t > 0) & (height >= 0) & (height <= 2.0) & (t < best) & (gap < 1e-9)
-            best = np.where(good, t, best)
-    return best
-
-
-@pytest.mark.parametrize(
-    ("kind", "surface"), [("cone", CONE), ("cylinder", CYLINDER), ("disc", DISC)]
-)
-@pytest.mark.parametrize("tilt", [None, 0.0, 1e-12, 1e-6, 1e-3])
-def test_revolutions_against_direct(kind, surface, tilt):
-    """B01 to B05, B13: along, nearly along, across and nearly across the axis; and any way."""
-    rng = np.random.default_rng(7)
-    n = 3000
-    inside = rng.uniform((-0.6, -1.35, 0.9), (1.6, 0.85, 3.1), (n, 3))
-    direction = unit(rng.normal(size=(n, 3)))
-    if tilt is not None:
-        along = np.arange(n) % 2 == 0
-        direction = np.where(along[:, None], (tilt, 0.0, 1.0), (1.0, 0.0, tilt))
-    origin = inside - 4.0 * direction
-    hits = Intersector([surface], coarse="none").intersect(origin, direction)
-    expected = closed_form(kind, origin, direction)
-    # Where the closed form itself is well conditioned: away from rims and silhouettes.
-    position = origin + np.where(np.isfinite(expected), expected, 0.0)[:, None] * direction
-    height = position[:, 2] - 1.0
-    clear = (np.abs(height) > 1e-6) & (np.abs(height - 2.0) > 1e-6) & np.isfinite(expected)
-    slope = np.abs(np.einsum("ij,ij->i", np.nan_to_num(hits.normal), direction))
-    clear &= slope > 1e-2
-    np.testing.assert_allclose(hits.t[clear], expected[clear], rtol=0, atol=1e-10)
-    assert ((hits.hit == np.isfinite(expected)) | (slope < 1e-2)).mean() > 0.995
-
-
 def test_ray_along_the_axis_meets_the_pole():
-    hits = Intersector([DISC, CONE], coarse="none").intersect((0.5, -0.25, 9.0), (0, 0, -1))
+    cone, disc = (
+        SurfaceOfRevolution([(z, 0.0), (1.0 - z, 1.0)], (0.5, -0.25, 1.0), (0, 0, 1))
+        for z in (0.0, 0.5)
+    )
+    hits = Intersector([disc, cone], coarse="none").intersect((0.5, -0.25, 9.0), (0, 0, -1))
     assert hits.t[0] == 7.5
     np.testing.assert_allclose(np.abs(hits.normal[0]), (0, 0, 1), atol=1e-15)
 
 
-def test_bilinear_patch_has_both_roots_of_its_quadratic():
-    """A05: S = (u, v, u v) against the quadratic along the ray."""
-    saddle = BezierPatches([[[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 1]]]])
-    rng = np.random.default_rng(9)
-    target = rng.uniform(0.05, 0.95, (4000, 2))
-    point = np.column_stack([target, target.prod(axis=1)])
-    direction = unit(rng.normal(size=(4000, 3)))
-    origin = point - 3.0 * direction
-    hits = Intersector([saddle], coarse="none").intersect(origin, direction)
-    (x, y, z), (dx, dy, dz) = origin.T, direction.T
-    a, b, c = dx * dy, x * dy + y * dx - dz, x * y - z
-    root = np.sqrt(np.maximum(b * b - 4 * a * c, 0.0))
-    first = np.full(4000, np.inf)
-    for t in ((-b - root) / (2 * a), (-b + root) / (2 * a)):
-        u, v = x + t * dx, y + t * dy
-        on = (u > 0) & (u < 1) & (v > 0) & (v < 1) & (t > 0)
-        first = np.where(on & (t < first), t, first)
-    slope = np.abs(np.einsum("ij,ij->i", hits.normal, direction))
-    clear = slope > 1e-3
-    assert hits.hit.all()
-    np.testing.assert_allclose(hits.t[clear], first[clear], rtol=0, atol=1e-10)
+@pytest.mark.parametrize("length", [1e-200, 1e-9, 1.0, 1e9, 1e200])
+def test_axes_of_any_length_are_scaled_to_one(length):
+    tube = SurfaceOfRevolution([(0, 1), (1, 1)], (0, 0, 0), (0, 0, length))
+    assert Intersector([tube]).intersect((5, 0, 0.5), (-1, 0, 0)).t[0] == 4.0
+
+
+def test_the_exit_is_seen_from_behind():
+    sphere = Sphere((0.3, -0.2, 0.5), 0.7)
+    hits = Intersector([sphere]).intersect(np.tile(sphere.center, (3, 1)), np.eye(3))
+    np.testing.assert_allclose(hits.t, 0.7, rtol=1e-15)
+    assert not hits.front_face.any()
+
+
+def test_coincident_spheres_squares_and_patches_tie():
+    rng = np.random.default_rng(12)
+    d = rng.normal(size=(2000, 3))
+    hits = Intersector([Sphere((0, 0, 0), 1)] * 3).intersect(-5 * d, d)
+    assert set(hits.object_id.tolist()) == {0}
+    square = BezierPatches([[[(-1, -1, 0), (-1, 1, 0)], [(1, -1, 0), (1, 1, 0)]]])
+    flat = [square, square, Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0))]
+    origins = rng.uniform((-0.9, -0.9, 3), (0.9, 0.9, 3), (500, 3))
+    for order in ((0, 1, 2), (2, 1, 0)):
+        hits = Intersector([flat[k] for k in order]).intersect(origins, (0, 0, -1))
+        assert (hits.t == 3.0).all()
+        assert (hits.object_id == 0).all()

@@ -1,10 +1,10 @@
-"""Rays that broke a bound of t on a turned surface, found by `tools/verify_many.py`."""
+"""Rays that broke a bound of t on a turned surface, found by `tools/verify.py`."""
 
 import numpy as np
 
 from hybrid_rt import Intersector
 from meshing import SurfaceOfRevolution
-from proof.cases.singular_campaign import placed_surfaces
+from proof.cases.campaign import placed_surfaces
 
 
 def hexes(*words):

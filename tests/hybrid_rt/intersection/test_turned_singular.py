@@ -1,12 +1,8 @@
-"""Rays at tips, poles, rims and joints of turned surfaces, before truths in exact arithmetic.
+"""Rays at tips, poles, rims and joints of turned surfaces, in closed form and both ways.
 
-On a surface of revolution the crossings of a ray are the roots of one polynomial in the profile's
-parameter, of twice its degree and with rational coefficients: flint isolates them with proof.
+tests/proof_tests/cases/test_campaign.py and the rows F01 to F03 and F08 hold them to exact arithmetic.
 """
 
-from math import comb
-
-import flint
 import numpy as np
 import pytest
 
@@ -14,7 +10,6 @@ from hybrid_rt import Intersector, Status
 from meshing import SurfaceOfRevolution
 
 EPS = 2.0**-52
-BITS = 200
 
 # Profiles, and the circles (z, r) at which rays are aimed.
 SHAPES = {
@@ -32,52 +27,6 @@ SHAPES = {
     ),
     "spindle": ([[(0, 0), (1, 0), (2, 1)]], [(0, 0)]),
 }
-
-
-def rational(x):
-    return flint.fmpq(*float(x).as_integer_ratio())
-
-
-class Exact:
-    """First crossings of rays with a surface of revolution, as its floats say, in rational numbers."""
-
-    def __init__(self, surface):
-        columns = zip(surface.radial, surface.binormal, surface.axis, strict=True)
-        self.inverse = flint.fmpq_mat(3, 3, [rational(x) for row in columns for x in row]).inv()
-        self.origin = [rational(x) for x in surface.origin]
-        s = flint.fmpq_poly([0, 1])
-        self.profiles = []
-        for net in surface.segments:
-            n = len(net) - 1
-            weights = [comb(n, k) * s**k * (1 - s) ** (n - k) for k in range(n + 1)]
-            self.profiles.append(
-                [sum(rational(p) * w for p, w in zip(c, weights, strict=True)) for c in net.T]
-            )
-
-    def first(self, o, d, shift=(0.0, 0.0, 0.0)):
-        """First t > 0 as a ball, or None; rays are not perpendicular to the axis."""
-        start = [
-            rational(x) + rational(e) - a for x, e, a in zip(o, shift, self.origin, strict=True)
-        ]
-        x, y, z = (self.inverse * flint.fmpq_mat(3, 1, start)).entries()
-        dx, dy, dz = (self.inverse * flint.fmpq_mat(3, 1, [rational(c) for c in d])).entries()
-        found = []
-        before, flint.ctx.prec = flint.ctx.prec, BITS
-        try:
-            for height, radius in self.profiles:
-                t = (height + flint.fmpq_poly([-z])) / dz
-                gap = (x + t * dx) ** 2 + (y + t * dy) ** 2 - radius * radius
-                for root, _ in gap.numer().complex_roots():
-                    if root.imag == 0 and not (root.real < 0 or root.real > 1):
-                        found.append(flint.arb_poly(t)(root.real))
-        finally:
-            flint.ctx.prec = before
-        return min((t for t in found if t > 0), key=float, default=None)
-
-
-def error_of(t, ball):
-    """|t - exact|, and nothing of half the last place of t."""
-    return max(abs(float(flint.arb(float(t)) - ball)) - 0.5 * float(np.spacing(t)), 0.0)
 
 
 def unit(vectors):
@@ -102,128 +51,6 @@ def band_of(surface, origins):
     middle = surface.origin + 0.5 * (low + high) * surface.axis
     size = np.hypot(high - low, 2.0 * points[:, 1].max())
     return 64 * EPS * np.maximum(np.linalg.norm(origins - middle, axis=1), size)
-
-
-def gaps(surface, hits, o, d):
-    """|S(u, v) - o - t d| in extended precision: coordinates about the surface's own origin."""
-    wide = np.longdouble
-    local = SurfaceOfRevolution._from_frame(
-        list(surface.segments), np.zeros(3), surface.axis, surface.radial, surface.weights,
-        surface.u_range,
-    )  # fmt: skip
-    point = local.point(hits.u, hits.v, hits.patch_id).astype(wide)
-    ray = (o.astype(wide) - surface.origin.astype(wide)) + hits.t[:, None].astype(wide) * d
-    return np.sqrt(((point - ray) ** 2).sum(axis=1)).astype(float)
-
-
-def assert_right(surface, hits, o, d):
-    """Rows that do not say TANGENT: hit or miss, t within its bound, the point beside the ray."""
-    exact, band = Exact(surface), band_of(surface, o)
-    sure = np.flatnonzero(hits.status != Status.TANGENT)
-    for i in sure:
-        t = exact.first(o[i], d[i])
-        assert hits.hit[i] == (t is not None), f"ray {i}: {o[i].tolist()}, {d[i].tolist()}"
-        if t is not None:
-            assert error_of(hits.t[i], t) <= hits.t_bound[i], f"ray {i}"
-            # A bound is of use: 64 eps x scale over the cosine, however near the axis.
-            steep = abs(hits.normal[i] @ d[i])
-            assert steep == 0.0 or hits.t_bound[i] <= 8.0 * band[i] / steep
-    found = sure[hits.hit[sure]]
-    assert (gaps(surface, hits[found], o[found], d[found]) <= band[found]).all()
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-def test_hits_beside_singular_circles(shape):
-    """F01 to F03: 1e-1 to 1e-11 beside, from as near and from far."""
-    segments, circles = SHAPES[shape]
-    surface = SurfaceOfRevolution(segments, (0, 0, 0), (0, 0, 1))
-    rng = np.random.default_rng(len(shape))
-    rays = [
-        aimed(surface, circle, k, distance, 12, rng)
-        for circle in circles
-        for k in (1e-1, 1e-3, 1e-5, 1e-7, 1e-9, 1e-11)
-        for distance in (k, 1.0)
-    ]
-    o, d = (np.concatenate(part) for part in zip(*rays, strict=True))
-    hits = Intersector([surface], coarse="none").intersect(o, d)
-    assert_right(surface, hits, o, d)
-    # 1e-11 is 300 bands: only a grazing ray may hang by less there.
-    assert (hits.status == Status.TANGENT).sum() <= 0.02 * len(o)
-
-
-def test_hits_beside_the_tip_of_a_cone_in_closed_form():
-    """100 times as many rays: x^2 + y^2 = z^2 / 4 is a quadratic, solved about the tip."""
-    surface = SurfaceOfRevolution([(0, 0), (2, 1)], (0, 0, 0), (0, 0, 1))
-    tracer, rng, wide = (
-        Intersector([surface], coarse="none"),
-        np.random.default_rng(5),
-        np.longdouble,
-    )
-    for k in (1e-3, 1e-5, 1e-7, 1e-9):
-        # From so near that the figures of the rays are relative to k.
-        o, d = aimed(surface, (0, 0), k, k, 4000, rng)
-        hits = tracer.intersect(o, d)
-        (x, y, z), (dx, dy, dz) = o.T.astype(wide), d.T.astype(wide)
-        a = dx * dx + dy * dy - dz * dz / 4
-        b = x * dx + y * dy - z * dz / 4
-        c = x * x + y * y - z * z / 4
-        inside = b * b - a * c
-        with np.errstate(invalid="ignore", divide="ignore"):
-            far = -b - np.copysign(np.sqrt(inside), b)
-            roots = np.stack([far / a, c / far])
-            good = (roots > 0) & (z + roots * dz >= 0) & (z + roots * dz <= 2)
-        t = np.where(good, roots, np.inf).min(axis=0).astype(float)
-        assert np.array_equal(hits.hit, np.isfinite(t))
-        excess = np.abs(hits.t[hits.hit] - t[hits.hit]) - 0.5 * np.spacing(t[hits.hit])
-        assert (excess <= hits.t_bound[hits.hit]).all()
-        assert (
-            gaps(surface, hits[hits.hit], o[hits.hit], d[hits.hit]) <= band_of(surface, o)[hits.hit]
-        ).all()
-        assert (hits.status != Status.TANGENT).mean() > 0.999
-
-
-def around(direction, length, n=8):
-    """Vectors of a length in n directions across a ray."""
-    helper = np.eye(3)[np.abs(direction).argmin()]
-    across = unit(np.cross(direction, helper))
-    turn = 2.0 * np.pi * (np.arange(n) + 0.37) / n
-    other = np.cross(direction, across)
-    return length * (np.cos(turn)[:, None] * across + np.sin(turn)[:, None] * other)
-
-
-@pytest.mark.parametrize(
-    ("shape", "circle"),
-    [("cone", (0, 0)), ("cone", (2, 1)), ("paraboloid", (0, 0)), ("round lens", (0.25, 1)),
-     ("ogive", (0, 0)), ("ogive", (2, 1))],
-)  # fmt: skip
-def test_tangent_says_that_a_shift_by_the_band_changes_the_answer(shape, circle):
-    """F08: shifted by half the band the answer is the same unless TANGENT; if so, not by two."""
-    surface = SurfaceOfRevolution(SHAPES[shape][0], (0, 0, 0), (0, 0, 1))
-    exact, rng = Exact(surface), np.random.default_rng(8)
-    o, d = aimed(surface, circle, 6e-14, 1.0, 25, rng)
-    hits, band = Intersector([surface], coarse="none").intersect(o, d), band_of(surface, o)
-
-    def changes(i, shifts):
-        before, slope = exact.first(o[i], d[i]), abs(hits.normal[i] @ d[i])
-        for shift in shifts:
-            after = exact.first(o[i], d[i], shift)
-            if (after is None) != (before is None):
-                return True
-            # On the same sheet the root moves by the shift over the slope, and not much more.
-            if before is not None and abs(float(after - before)) > 1e-9 + 40 * band[i] / slope:
-                return True
-        return False
-
-    is_tangent = hits.status == Status.TANGENT
-    for i in range(len(o)):
-        if is_tangent[i]:
-            assert changes(i, np.concatenate([around(d[i], f * band[i], 12) for f in (1, 2, 0.3)]))
-        else:
-            assert not changes(i, around(d[i], 0.5 * band[i]))
-    # A pole is no place of decision, and through a joint most rays pass from side to side.
-    expected = {("paraboloid", (0, 0)): (0, 3), ("ogive", (0, 0)): (3, 22)}
-    least, most = expected.get((shape, circle), (3, 25))
-    assert least <= is_tangent.sum() <= most
 
 
 def test_tangent_at_the_tip_of_a_cone_in_closed_form():
@@ -280,45 +107,6 @@ def test_rays_along_the_axis_meet_it_on_every_side(tilt):
         hits = Intersector([surface], coarse="none").intersect(o, d)
         assert hits.hit.all()
         np.testing.assert_allclose(hits.t, 1.0 + height, rtol=0, atol=8.0 * tilt + 1e-14)
-
-
-def test_an_oblique_axis_far_from_the_origin():
-    """F03: the middle of the surface is rounded, and is then beside the axis by 1e-10."""
-    for shape in ("cone", "egg"):
-        surface = SurfaceOfRevolution(SHAPES[shape][0], (1e6, -2e6, 5e5), (0.3, -0.2, 1))
-        rng = np.random.default_rng(4)
-        o, d = aimed(surface, (1.0, 0.3), 1.0, 3.0, 60, rng)
-        hits = Intersector([surface], coarse="none").intersect(o, d)
-        assert hits.hit.sum() > 15
-        assert_right(surface, hits, o, d)
-
-
-@pytest.mark.parametrize("size", [1e-9, 1e9])
-def test_tips_of_tiny_and_huge_cones(size):
-    surface = SurfaceOfRevolution([(0, 0), (2 * size, size)], (0, 0, 0), (0, 0, 1))
-    rng = np.random.default_rng(6)
-    rays = [
-        aimed(surface, (0, 0), k * size, distance * size, 15, rng)
-        for k in (1e-3, 1e-7, 1e-11)
-        for distance in (k, 1.0)
-    ]
-    o, d = (np.concatenate(part) for part in zip(*rays, strict=True))
-    assert_right(surface, Intersector([surface], coarse="none").intersect(o, d), o, d)
-
-
-def test_what_leaves_a_point_near_a_tip_does_not_meet_it_again():
-    surface = SurfaceOfRevolution([(0, 0), (2, 1)], (0, 0, 0), (0, 0, 1))
-    tracer, rng = Intersector([surface], coarse="none"), np.random.default_rng(7)
-    for k in (1e-3, 1e-6, 1e-9):
-        o, d = aimed(surface, (0, 0), k, 1.0, 2000, rng)
-        source = tracer.intersect(o, d)
-        source = source[source.hit]
-        # Outward, and not along a cone that is straight: nothing else is there.
-        away = unit(rng.normal(size=(len(source), 3)))
-        slope = np.einsum("ij,ij->i", away, source.normal)
-        away[slope < 0] *= -1.0
-        hits = tracer.intersect(source.position, away, source=source)
-        assert not hits.hit[np.abs(slope) > 0.01].any()
 
 
 def in_a_folded_disc():

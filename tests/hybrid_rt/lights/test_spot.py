@@ -65,6 +65,7 @@ def power_within(theta, cone, edge):
         ({"position": (0, 0)}, "SpotLight position"),
         ({"intensity": -1.0}, "SpotLight intensity is -1.0: pass numbers from 0"),
         ({"cone_angle": 0.0}, "SpotLight cone_angle is 0: .*degrees"),
+        ({"cone_angle": 9.99e-4}, "SpotLight cone_angle is 0.000999"),
         ({"cone_angle": 181.0}, "SpotLight cone_angle is 181: .* at most 180"),
         ({"cone_angle": 20.0, "edge_angle": 21.0}, "SpotLight edge_angle is 21: .* at most 20"),
         ({"edge_angle": -1.0}, "SpotLight edge_angle is -1: .*degrees"),

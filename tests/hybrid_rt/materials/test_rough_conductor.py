@@ -102,7 +102,8 @@ def test_indices_are_the_measured_ones_weighted_by_the_eye(metal):
         (lambda: RoughConductor(1.0, (1, 1, -1), 0.5), "k"),
         (lambda: RoughConductor(1.0, np.nan, 0.5), "k"),
         (lambda: RoughConductor(1.0, 1e4, 0.5), "k"),
-        (lambda: RoughConductor(1.0, 3.0, 0.005), "roughness.*use Mirror"),
+        (lambda: RoughConductor(1.0, 3.0, 0.00999), "roughness.*use Mirror"),
+        (lambda: RoughConductor(1.0, 3.0, np.nan), "roughness"),
         (lambda: RoughConductor(1.0, 3.0, 1.5), "roughness"),
         (
             lambda: RoughConductor.of("bronze", 0.5),

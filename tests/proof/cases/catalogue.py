@@ -17,8 +17,8 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.demo import teapot, vase
 from hybrid_rt.primitives import Box, Sphere
 from meshing import BezierPatches, SurfaceOfRevolution
-from proof.cases.campaign import patches_of_mixed_degrees, torus
-from proof.cases.rays import about_axes, edges, secondary
+from proof.cases.rays import about_axes, chords, edges, secondary, shallow
+from proof.cases.scenes import patches_of_mixed_degrees, torus
 
 # Pieces that one search may look at: a tangent ray's are bounded by rounding, not by luck.
 MOST_PIECES = 5000
@@ -28,31 +28,20 @@ LEAST_RAYS = 20
 
 @dataclass(frozen=True)
 class Case:
-    """One hard case.
-
-    Attributes
-    ----------
-    id, name : str
-    surfaces : callable without arguments
-    rays : callable of the surfaces, a factor and a seed
-        Returns origins and directions; the factor multiplies their number where they are random.
-    t : (n,) float64, optional
-        First hits in closed form, inf for a miss; None: judged by exact arithmetic.
-    most_error : float, optional
-        Bound on |t - exact| |d| |cos|, relative to the distance of the hit or 1, whichever is
-        larger. For cases where rounding relative to the scale would be too lax a bound: near a
-        sphere that is much larger than its distance.
-    most_pieces : int
-        Bound on the work of one search.
-    """
+    """One hard case."""
 
     id: str
     name: str
     surfaces: Callable[[], list[Any]]
+    # Returns origins and directions; the factor multiplies their number where they are random.
     rays: Callable[[list[Any], float, int], tuple[FloatArray, FloatArray]]
+    # First hits in closed form, inf for a miss; None: judged by exact arithmetic.
     t: Callable[[FloatArray, FloatArray], FloatArray] | None = None
-    most_pieces: int = MOST_PIECES
+    most_pieces: int = MOST_PIECES  # of one search
+    # Bound on |t - exact| |d| |cos|, relative to the distance of the hit or 1, whichever is larger: near a
+    # sphere that is much larger than its distance rounding relative to the scale would be too lax.
     most_error: float | None = None
+    has_marks: bool = False  # whether exact arithmetic judges the marks TANGENT as well
 
 
 def _rays(make: Callable[..., RaySet], n: int, **options: Any) -> Any:
@@ -165,6 +154,18 @@ def cone() -> SurfaceOfRevolution:
     return SurfaceOfRevolution([(0, 0), (1, 1)], (0, 0, 0), (0, 0, 1))
 
 
+def looped() -> SurfaceOfRevolution:
+    """Return a surface that passes through itself."""
+    profile = [(0.0, 0.6), (2.0, 1.6), (-1.0, 1.6), (1.0, 0.6)]
+    return SurfaceOfRevolution(profile, (0, 0, 0), (0, 0, 1))
+
+
+def with_a_line() -> SurfaceOfRevolution:
+    """Return two cones, joined by a segment on the axis, which has no area."""
+    segments = [[(0, 1), (1, 0)], [(1, 0), (2, 0)], [(2, 0), (3, 1)]]
+    return SurfaceOfRevolution(segments, (0, 0, 0), (0, 0, 1))
+
+
 def _about_teapot_apex(rng: np.random.Generator) -> FloatArray:
     """Points 0 .. 1e-1 beside the apex of the lid, where an edge of four patches is one point."""
     apex = np.array([0.0, 0.0, 3.15])
@@ -242,12 +243,14 @@ CATALOGUE = (
         _fixed([(-3.0, 0.5, -1.5)], (1.0, 0.0, 0.5)),
     ),
     Case("A05", "bilinear", lambda: [saddle()], _rays(secondary, 400)),
+    Case("A05", "bilinear, any way", lambda: [saddle()], _rays(chords, 60), has_marks=True),
     Case("A08", "apex of the lid", lambda: [teapot()], _aimed(_about_teapot_apex), most_pieces=500),
     Case(
         "A10", "cuspidal edge", lambda: [cuspidal_edge()],
         _aimed(lambda rng: np.stack([np.zeros(200), np.zeros(200), rng.random(200)], axis=1)),
     ),
     Case("A11", "patch through itself", lambda: [loop_sheet()], _rays(secondary, 400)),
+    Case("A11", "the same, any way", lambda: [loop_sheet()], _rays(chords, 20), has_marks=True),
     Case("A12", "two coincident patches", lambda: [saddle(), saddle()], _rays(secondary, 400)),
     Case("A13", "shared edges and corners", lambda: [teapot()], _rays(edges, 2000)),
     Case("A15", "leaving the surface", lambda: [teapot()], _rays(secondary, 1000)),
@@ -265,6 +268,7 @@ CATALOGUE = (
         lambda o, _d: np.full(len(o), np.inf),
     ),
     Case("A30", "one patch", lambda: [saddle()], _rays(silhouettes, 400)),
+    Case("A30", "one patch, any way", lambda: [saddle()], _rays(chords, 1000)),
     Case(
         "B01", "parallel to the axis", lambda: [torus()],
         _along_axis,
@@ -279,14 +283,18 @@ CATALOGUE = (
         "B07", "at the tip of a cone", lambda: [cone()],
         _fixed((0.0, 0.0, -1.0), (0.0, 0.0, 1.0)), lambda _o, _d: np.array([1.0]),
     ),
-    Case("B10", "profile with a loop", lambda: [
-        SurfaceOfRevolution([(0.0, 0.6), (2.0, 1.6), (-1.0, 1.6), (1.0, 0.6)], (0, 0, 0), (0, 0, 1))
-    ], _rays(secondary, 400)),
+    Case("B09", "profile on the axis over an interval", lambda: [with_a_line()], _rays(secondary, 400)),
+    Case("B09", "the same, at the axis", lambda: [with_a_line()], _rays(about_axes, 60), has_marks=True),
+    Case("B10", "profile with a loop", lambda: [looped()], _rays(secondary, 400)),
+    Case("B10", "the same, any way", lambda: [looped()], _rays(chords, 20), has_marks=True),
+    Case("B11", "open profile", lambda: [cylinder()], _rays(chords, 400), has_marks=True),
     Case(
         "B13", "disc and cylinder", lambda: [ring(), cylinder()],
         _down([(0.75, 0.0, 0.0), (0.0, -0.6, 0.0), (0.2, 0.0, 0.0)]),
         lambda _o, _d: np.array([5.0, 5.0, np.inf]),
     ),
+    Case("B13", "rings, any way", lambda: [ring()], _rays(chords, 20), has_marks=True),
+    Case("B13", "from beside", lambda: [ring(0.0, 0.0, 1.0)], _rays(shallow, 20), has_marks=True),
     Case("B14", "joints of the profile", lambda: [vase(0, 0, 5)], _rays(edges, 2000)),
     Case("B16", "grazing the equators", lambda: [torus()], _rays(silhouettes, 1000, offsets=OFFSETS)),
     Case(

@@ -11,7 +11,6 @@ import numpy as np
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.demo import vase
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
-from proof.cases.campaign import ellipsoid, torus
 from proof.cases.catalogue import (
     cuspidal_edge,
     cylinder,
@@ -28,6 +27,7 @@ from proof.cases.rational_surfaces import (
     torn_nurbs,
     weighted_petal,
 )
+from proof.cases.scenes import ellipsoid, torus
 from proof.cases.singular_rays import (
     Aimed,
     Finder,

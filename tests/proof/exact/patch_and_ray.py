@@ -34,16 +34,24 @@ from proof.exact.crossings import (
     value,
 )
 from proof.exact.kernels.plain_pieces import pieces_left
-from proof.exact.patch_look import MAY_TURN, Look
-from proof.exact.patch_pieces import Matrix, Piece, halved, restricted, split_in_two
+from proof.exact.patch_pieces import (
+    Matrix,
+    Piece,
+    halved,
+    in_floats,
+    is_beside,
+    restricted,
+    split_in_two,
+)
 from proof.exact.patch_settling import ROOT_BITS, distinct, settled
 
 # Pieces examined for one ray and patch before the rest is left open.
 MOST_PIECES = 6000
 # Pieces smaller than this part of the patch, as the ray sees them, are left open.
 SMALLEST = 2.0**-140
-# Pieces that float64 may leave at once.
-MOST_LEFT = 256
+# Pieces that float64 may leave at once, and how far they may turn, up to rounding: those that turn by
+# more are not worth the exact test.
+MOST_LEFT, MAY_TURN = 256, 0.115
 
 
 class Net:
@@ -135,32 +143,32 @@ class PatchAndRay:
             return flat
         found = self._take_edges()
         rows = [a + b for a, b in zip(self.f, self.g, strict=True)]
-        stack = [Piece(flint.fmpz_mat(rows), 0, 0, 0, 0)]
+        # Whether float64 has not looked at a piece yet: it may tell where to look.
+        stack = [(Piece(flint.fmpz_mat(rows), 0, 0, 0, 0), True)]
         roots: list[tuple[Rational, Rational, Rational]] = []
         left: list[Piece] = []
         pieces = 0
         room = np.empty((MOST_LEFT, 4), np.int64)
         while stack:
-            piece = stack.pop()
+            piece, is_new = stack.pop()
             pieces += 1
             if pieces > MOST_PIECES:
-                left += [piece, *stack]
+                left += [piece, *(other for other, _ in stack)]
                 break
-            look = Look(piece.both)
-            if look.is_beside():
+            if is_new:
+                count = pieces_left(*in_floats(piece.both), MAY_TURN, room)
+                if count >= 0:
+                    stack += [(restricted(piece, *place), False) for place in room[:count].tolist()]
+                    continue
+            if is_beside(piece.both):
                 continue
-            outcome = settled(piece) if look.may_settle() else None
+            outcome = settled(piece)
             if outcome is not None:
                 roots += outcome
-                continue
-            if self._extent(piece) < SMALLEST:
+            elif self._extent(piece) < SMALLEST:
                 left.append(piece)
-                continue
-            count = pieces_left(look.f, look.g, MAY_TURN, room)
-            if count < 0:
-                stack += halved(piece, look.is_longer_along_u())
             else:
-                stack += [restricted(piece, *place) for place in room[:count].tolist()]
+                stack += [(half, True) for half in halved(piece)]
         found += [self._point(*root) for root in distinct(roots)]
         if left:
             found.append(self._left_open(left))

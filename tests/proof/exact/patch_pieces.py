@@ -10,6 +10,9 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import flint
+import numpy as np
+
+from hybrid_rt.core.records import FloatArray
 
 # Whole-number matrices of flint.
 Matrix = Any
@@ -102,10 +105,17 @@ def grown_across(degree: int) -> Matrix:
     return _twice(grown(degree))
 
 
-def halved(piece: Piece, along_u: bool) -> list[Piece]:
-    """Halve one side of a piece."""
+def halved(piece: Piece) -> list[Piece]:
+    """Halve the side of a piece that is longer as the ray sees it."""
     mu, nv = piece.both.nrows() - 1, piece.both.ncols() // 2 - 1
-    if (along_u and mu > 0) or nv == 0:
+    along = [
+        sum(max(sum(map(abs, line)) for line in (d * m if c == 0 else (d * m.transpose())).transpose().tolist())
+            for m in split_in_two(piece.both))
+        if degree else 0
+        for c, degree in enumerate((mu, nv))
+        for d in (differences(degree),)
+    ]  # fmt: skip
+    if nv == 0 or along[0] >= along[1]:
         lower, upper = (half * piece.both for half in _halves(mu))
         return [
             Piece(lower, 2 * piece.a, piece.m + 1, piece.b, piece.n),
@@ -149,3 +159,32 @@ def _ends_and_sums(n: int) -> Matrix:
     ends[0] -= 1
     ends[-1] += 1
     return flint.fmpz_mat([ends, [1] * n])
+
+
+def in_floats(both: Matrix) -> tuple[FloatArray, FloatArray]:
+    """Return the coefficients of f and of g in one scale, each rounded to 2^-52 of its largest."""
+    tables = [(m, max(abs(x) for x in m.entries())) for m in split_in_two(both)]
+    shift = max(int(max(most for _, most in tables)).bit_length() - 1000, 0)
+    f, g = (
+        np.array([[float(x >> shift) for x in row] for row in m.tolist()]) for m, _ in tables
+    )  # fmt: skip
+    return f, g
+
+
+def is_beside(both: Matrix) -> bool:
+    """Tell whether the ray passes by the piece's hull, or by the box along its longer tangent."""
+    a, b = split_in_two(both)
+    if _one_sign(a.entries()) or _one_sign(b.entries()):
+        return True
+    fu, fv, gu, gv = mean_jacobian(a, b)
+    x, y = (fu, gu) if fu * fu + gu * gu >= fv * fv + gv * gv else (fv, gv)
+    # Thirty bits of the direction are enough; whatever it is, the test is exact.
+    shift = max(max(abs(x), abs(y)).bit_length() - 30, 0)
+    x, y = x >> shift, y >> shift
+    if x == 0 and y == 0:
+        return False
+    return _one_sign((x * b - y * a).entries()) or _one_sign((x * a + y * b).entries())
+
+
+def _one_sign(numbers: list[Any]) -> bool:
+    return all(x > 0 for x in numbers) or all(x < 0 for x in numbers)

@@ -3,19 +3,13 @@
 The light tracer (`proof.light.kernels.light_tracer`) shares no code with the renderer.
 It has no density estimation (only cells), no projection map, and all photons have equal power, so
 the noise of a cell with n photons is sqrt(n).
-
-Run it to see the light on the floor of one of the benchmark scenes:
-  python -m proof.light.light_tracer --photons 1e9 --out floor.npz
 """
 
 from __future__ import annotations
 
-import argparse
 import math
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +21,6 @@ from hybrid_rt.materials import Dielectric, Lambertian
 from hybrid_rt.primitives import Box, Rectangle, Sphere
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
-from meshing.outputs import check_writable, replacing
 from proof.light.kernels.light_tracer import count_on_floor, look_at_floor
 
 # Photons and rays that a thread takes at a time.
@@ -147,28 +140,3 @@ class Bench:
 BALL = Bench()
 BEHIND_PANE = Bench(slabs=((-1.9, -1.45, 0.05, 1.9, -1.35, 2.0),))
 CAMERA = Camera((0.0, -3.0, 2.2), (0.0, 0.0, 0.3), (0.0, 0.0, 1.0), 45.0, 256, 256)
-BENCHES = {"ball": BALL, "pane": BEHIND_PANE}
-
-
-def main() -> int:
-    """Count photons on the floor of a bench; save the counts and the picture."""
-    parser = argparse.ArgumentParser(description="Light on a floor by a long count of photons.")
-    parser.add_argument("--bench", choices=sorted(BENCHES), default="ball")
-    parser.add_argument("--photons", type=float, default=1e8)
-    parser.add_argument("--cells", type=int, default=1024)
-    parser.add_argument("--threads", type=int)
-    parser.add_argument("--out", type=Path, default=Path("floor.npz"))
-    options = parser.parse_args()
-    check_writable(options.out)
-    bench, n = BENCHES[options.bench], int(options.photons)
-    counts = bench.floor_light(n, options.cells, threads=options.threads)
-    noise = 1.0 / math.sqrt(max(float(np.median(counts[counts > 0])), 1.0))
-    image = bench.picture(counts, n, CAMERA)
-    with replacing(options.out) as file:
-        np.savez_compressed(file, counts=counts, photons=n, image=image)
-    print(f"{options.out}: {n} photons, {noise:.1%} noise in the median cell")  # noqa: T201
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

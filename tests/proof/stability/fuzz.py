@@ -22,27 +22,18 @@ from proof.stability.fuzz_cases import (
     ray_case,
     surface_case,
 )
-from proof.stability.fuzz_light import light_case
 from proof.stability.fuzz_properties import READERS, REFUSALS, Readers, faults_of
 from proof.stability.fuzz_scenes import file_case, scene_case
 
 # Rays of a case, about: half of them hard, the others on lattices and along axes.
 N_RAYS = 40
-KINDS = ("surfaces", "mixed", "scene", "light", "file")
 # Shares of the time of `run_fuzz`.
-SHARES = ("surfaces", "surfaces", "mixed", "mixed", "scene", "scene", "light", "file")
+SHARES = ("surfaces", "surfaces", "mixed", "mixed", "scene", "scene", "file")
 
 
 @dataclass(frozen=True)
 class Failure:
-    """A case for which something does not hold.
-
-    Attributes
-    ----------
-    case : dict
-        See `proof.stability.fuzz_cases`.
-    faults : tuple of str
-    """
+    """A case for which something does not hold, and what."""
 
     case: Case
     faults: tuple[str, ...]
@@ -64,20 +55,9 @@ def read_failure(file: Path) -> Failure:
 
 
 def make_case(draws: Draws, kind: str, endings: tuple[str, ...] = tuple(READERS)) -> Case:
-    """Draw a case.
-
-    Parameters
-    ----------
-    draws : Draws
-    kind : "surfaces", "mixed", "scene", "light" or "file"
-        Surfaces of one class, a mixture of them, a scene script, a sound one, a damaged file.
-    endings : tuple of str
-        Of the files.
-    """
+    """Draw surfaces of one class, a mixture of them, a scene script, or a damaged file."""
     if kind == "scene":
         return scene_case(draws)
-    if kind == "light":
-        return light_case(draws)
     if kind == "file":
         return file_case(draws, endings)
     case: Case = {"kind": "rays", "surfaces": surface_case(draws, kind == "mixed")}
@@ -116,21 +96,9 @@ def strategy(kind: str, endings: tuple[str, ...] = tuple(READERS)) -> Any:
 def run_fuzz(
     minutes: float, seed: int = 0, out: Path | None = None, readers: Readers = READERS
 ) -> list[Failure]:
-    """Try new cases for some minutes.
+    """Try new cases for some minutes; return one failure of each kind, cut down.
 
-    Parameters
-    ----------
-    minutes : float
-    seed : int
-        Other seeds, other cases.
-    out : Path, optional
-        Failures are written below it, to ``failures/``.
-    readers : mapping, optional
-        What reads files, by ending.
-
-    Returns
-    -------
-    list of Failure, one of each kind, cut down to what is needed to see them.
+    They are written below ``out``, to ``failures/``. Readers are what reads files, by ending.
     """
     end, found = time.monotonic() + 60.0 * minutes, dict[str, Failure]()
     number = 0

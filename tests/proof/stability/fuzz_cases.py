@@ -2,7 +2,7 @@
 
 A case is a dict that JSON holds without loss, so it can be kept, cut down and run again; one of rays
 may have ``exact``: true, and is then judged in exact arithmetic from the start. What is
-drawn comes through `Draws`, from a generator of numpy's or from hypothesis, which then shrinks it.
+drawn comes through `Draws` from hypothesis, which then shrinks it.
 """
 
 from __future__ import annotations
@@ -33,26 +33,6 @@ class Draws(Protocol):
 
     def one_of(self, choices: Sequence[T]) -> T:
         """Return one of several."""
-
-
-class NumpyDraws:
-    """Choices of a numpy generator.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    """
-
-    def __init__(self, rng: np.random.Generator) -> None:
-        self._rng = rng
-
-    def whole(self, low: int, high: int) -> int:
-        """Return a whole number, both ends included."""
-        return int(self._rng.integers(low, high + 1))
-
-    def one_of(self, choices: Sequence[T]) -> T:
-        """Return one of several."""
-        return choices[self.whole(0, len(choices) - 1)]
 
 
 def _rng(draws: Draws) -> np.random.Generator:

@@ -2,8 +2,7 @@
 
 Hits: the same bits without Embree, in any order and along longer directions; right by exact arithmetic, and
 by exact arithmetic where it objects; bounds kept, points on their rays, work bounded. Scenes and
-files: done, or refused with a message that names what is wrong. Sound scenes: the light that
-integrators find, and that they say they do not find, has the same sum.
+files: done, or refused with a message that names what is wrong.
 """
 
 from __future__ import annotations
@@ -29,7 +28,6 @@ from hybrid_rt.textures import ImageTexture
 from meshing import BezierPatches
 from proof.judge import Judge
 from proof.stability.fuzz_cases import Case, build
-from proof.stability.fuzz_light import faults_of_light
 
 # Errors that may be raised, with a message.
 REFUSALS = (ValueError, TypeError, OSError)
@@ -65,8 +63,6 @@ def faults_of(case: Case, readers: Readers = READERS) -> tuple[str, ...]:
                 return tuple(_faults_of_rays(case))
             if case["kind"] == "scene":
                 return tuple(_faults_of_scene(case))
-            if case["kind"] == "light":
-                return tuple(faults_of_light(case))
             return tuple(_faults_of_file(case, readers))
     except Exception as error:  # noqa: BLE001 (any other error is what is looked for)
         import traceback

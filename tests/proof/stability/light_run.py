@@ -7,7 +7,6 @@ in 1e5 renders, by Student's t, so above 1 a row fails.
 from __future__ import annotations
 
 import math
-import time
 import tracemalloc
 from collections.abc import Callable
 from typing import Any
@@ -35,14 +34,10 @@ WHITE_SKY = GradientSky(1.0, 1.0)
 ALARM = 1e-5
 # Pictures are float32: a few roundings of that.
 FLOAT32 = 1e-6
-# Whitted's method does not follow branches below a thousandth: what a few of them bring.
-BRANCHES_CUT = 2e-3
 # Camera paths end by their length only: no roulette, and nothing from the lamps.
 PLAIN_PATHS = PathOptions(roulette_depth=10**6, survival=1.0, light_paths=0.0)
 # Passes that count as independent of each other at most; see `hybrid_rt.sensor.film`.
 FEW_PASSES = 15
-# Where zeros stand on a logarithmic axis.
-LEAST = 1e-17
 
 
 def eye(look_from: ArrayLike, look_at: ArrayLike, n: int = 16, up: ArrayLike = (0, 1, 0)) -> Camera:
@@ -70,13 +65,6 @@ def mirrors(color: float, radiance: float = 0.0) -> list[Object]:
     return [Object(below, material, "below"), Object(above, material, "above")]
 
 
-def own_options(integrator: str, n_photons: int = 4000) -> Options | None:
-    """Return settings of few photons, for integrators that have any."""
-    if integrator == "ppm":
-        return PPMOptions(n_photons)
-    return PhotonMapOptions(n_photons) if integrator == "photon_map" else None
-
-
 def picture(
     effort: Effort,
     scene: Scene,
@@ -87,8 +75,9 @@ def picture(
     n_photons: int = 4000,
     **settings: Any,
 ) -> RenderResult:
-    """Render in one thread, by the effort's seed."""
-    own = options if options is not None else own_options(integrator, n_photons)
+    """Render in one thread, by the effort's seed, with few photons."""
+    few = {"ppm": PPMOptions, "photon_map": PhotonMapOptions}.get(integrator)
+    own = few(n_photons) if options is None and few else options
     return render(
         scene, integrator, passes, seed=effort.seed, threads=1, options=own, **settings
     )  # fmt: skip
@@ -166,28 +155,11 @@ def same(name: str, found: ArrayLike, truth: ArrayLike, relative: float = 0.0) -
     return Outcome(rays=a.size, error=worst).checked(worst <= 1.0, fault)
 
 
-def balanced(name: str, result: RenderResult, emitted: float, relative: float) -> Outcome:
-    """Check that lights send out what they should, and that all of it is accounted for."""
-    power = {k: np.array(v) for k, v in result.report["photons"]["power_of_all_passes"].items()}
-    parts = power["escaped"] + power["absorbed"] + power["lost"]
-    n_passes = result.report.passes
-    return same(f"{name}, accounts", parts, power["emitted"], 1e-9) + same(
-        f"{name}, emitted", power["emitted"] / n_passes, np.full(3, emitted), relative
-    )
-
-
-def measured(run: Callable[[], RenderResult]) -> tuple[RenderResult, float, float]:
-    """Return a render, the most memory it held at a time beyond what there was (MiB), and seconds."""
+def measured(run: Callable[[], RenderResult]) -> tuple[RenderResult, float]:
+    """Return a render, and the most memory it held at a time beyond what there was (MiB)."""
     tracemalloc.start()
-    began = time.perf_counter()
     try:
         result = run()
-        _, most = tracemalloc.get_traced_memory()
+        return result, tracemalloc.get_traced_memory()[1] / 2**20
     finally:
         tracemalloc.stop()
-    return result, most / 2**20, time.perf_counter() - began
-
-
-def shown(values: list[float]) -> list[float]:
-    """Return values as a logarithmic axis takes them."""
-    return [max(value, LEAST) for value in values]

@@ -7,18 +7,18 @@ by that.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, Status
 from hybrid_rt.intersection import Intersector
-from proof.cases.catalogue import CATALOGUE, MOST_PIECES
+from proof.cases.catalogue import MOST_PIECES
 from proof.cases.singular_rays import size_of
 from proof.exact.judge import BatchVerdict
 from proof.judge import Judge
-from proof.stability.row import Curve, Effort, Outcome
+from proof.stability.row import Outcome
 
 EPS = 2.0**-52
 BAND = 64 * EPS
@@ -30,8 +30,6 @@ COLUMNS = (
     "t_bound",
 )  # fmt: skip
 DISTANCES = tuple(10.0**-k for k in range(1, 15))
-# A full run traces so many times the rays of a case of the catalogue.
-MORE = 10.0
 # Of the rays of a row, this share may be left open by exact arithmetic, or be wrong and say TANGENT.
 MOST_OPEN = 0.1
 
@@ -157,23 +155,22 @@ def verdict_outcome(verdict: BatchVerdict, marks: bool = True) -> Outcome:
     Parameters
     ----------
     marks : bool
-        Whether TANGENT is a fault if no moved ray has another first hit. Features thinner than the
+        Whether TANGENT counts as needless if no moved ray has another first hit. Features thinner than the
         spacing of the moved rays escape that test.
     """
     outcome = Outcome(
         rays=verdict.rays, wrong=verdict.n_wrong, error=verdict.worst_error / 64.0,
         broken=verdict.bounds_broken, undecided=verdict.tangent,
+        needless=verdict.tangent_needlessly * marks,
     )  # fmt: skip
-    needless = verdict.tangent_needlessly
     for number, words in (
         (verdict.off_ray, "points beside the ray by more than the band"),
         (verdict.off_ray_tangent, "points of rows TANGENT farther from the ray than is guaranteed"),
         (verdict.unmarked, "decisions within rounding without the mark TANGENT"),
-        (needless * marks, "marks TANGENT without need"),
     ):
         outcome = outcome.checked(number == 0, f"{number} {words}")
     for number, words in (
-        (needless * (not marks), "marks TANGENT of which no ray around says why"),
+        (verdict.tangent_needlessly, "marks TANGENT without need, as far as rays around tell"),
         (verdict.wrong_tangent, "rows TANGENT with another first hit than any right one"),
         (verdict.left_open, "rays left open by exact arithmetic"),
     ):
@@ -222,68 +219,3 @@ def by_times(
         wrong=int(wrong.sum()), error=float((error / allowed).max(initial=0.0)),
         broken=int(over.sum()),
     )  # fmt: skip
-
-
-def catalogue(case_id: str, effort: Effort) -> Outcome:
-    """Run the cases of the catalogue with an id: by given distances, or by the judges."""
-    total = Outcome()
-    cases = [case for case in CATALOGUE if case.id == case_id]
-    if not cases:
-        raise ValueError(f"{case_id}: no case of the catalogue")
-    for case in cases:
-        surfaces = case.surfaces()
-        origins, directions = case.rays(surfaces, MORE * effort.factor, effort.seed)
-        if case.t is None:
-            found = by_judges(surfaces, origins, directions, most_pieces=case.most_pieces)
-        else:
-            found = by_times(
-                surfaces, origins, directions, case.t(origins, directions),
-                most_error=case.most_error, most_pieces=case.most_pieces,
-            )  # fmt: skip
-            undecided = found.undecided
-            found = found.checked(
-                undecided < 0.2 * found.rays, f"{case.name}: {undecided} rays are undecided"
-            )
-        total = total + found
-    return total
-
-
-@dataclass
-class Plot:
-    """A curve under construction.
-
-    Attributes
-    ----------
-    against, label, unit : str
-        As in `Curve`.
-    """
-
-    against: str
-    label: str
-    unit: str = "size"
-    x: list[float] = field(default_factory=list)
-    error: list[float] = field(default_factory=list)
-    expected: list[float] = field(default_factory=list)
-    work: list[float] = field(default_factory=list)
-
-    def add(self, x: float, error: FloatArray, expected: FloatArray, work: float = 0.0) -> Outcome:
-        """Add a point: the largest of some errors, and what is expected of that one."""
-        if len(error):
-            k = int(np.argmax(error))
-            self.x.append(float(x))
-            self.error.append(float(error[k]))
-            self.expected.append(float(expected[k]))
-            self.work.append(float(work))
-        # No error where none is expected is none; any other one is too large.
-        none = np.where(error == 0.0, 0.0, np.inf)
-        ratio = np.divide(error, expected, out=none, where=expected > 0.0)
-        return Outcome(error=float(ratio.max(initial=0.0)))
-
-    @property
-    def curve(self) -> Curve:
-        """The curve as it is now."""
-        work = self.work if any(self.work) else []
-        return Curve(
-            self.against, self.label, list(self.x), list(self.error), list(self.expected),
-            list(work), self.unit,
-        )  # fmt: skip

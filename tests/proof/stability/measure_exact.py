@@ -11,14 +11,17 @@ import numpy as np
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, Status
 from hybrid_rt.intersection import Intersector
 from meshing import BezierPatches
-from proof.cases.singular_campaign import placed_surfaces, trace_cell
+from proof.cases.campaign import placed_surfaces, trace_cell
+from proof.cases.catalogue import CATALOGUE
 from proof.cases.singular_rays import size_of
 from proof.exact.crossings import POINT, bits, norm, rational
 from proof.exact.judge import BatchVerdict, ExactJudge
 from proof.exact.truth import ExactScene, same_place
-from proof.stability.measure import DISTANCES, Plot, traced, verdict_outcome
-from proof.stability.row import Effort, Outcome
+from proof.stability.measure import DISTANCES, by_judges, by_times, traced, verdict_outcome
+from proof.stability.row import Effort, Outcome, Plot
 
+# A full run traces so many times the rays of a case of the catalogue.
+MORE = 10.0
 # A mark is looked at again with rays moved by so many bands, to so many sides.
 MOVES, SIDES = (0.5, 1.0, 2.0, 4.0), 16
 
@@ -170,17 +173,17 @@ def by_set(
         if from_afar:
             back = size * effort.rng().uniform(0.3, 3.0, (n, 1))
             origins = cell.origins - back * cell.directions
-            cell = replace(cell, origins=origins, hits=tracer.intersect(origins, cell.directions))
-        leaves = None if cell.source is None else cell.source.object_id
+            hits = tracer.intersect(origins, cell.directions)
+            cell = cell._replace(origins=origins, hits=hits)
         verdict = exact_verdict(
-            judge, cell.hits, cell.origins, cell.directions, cell.distance, leaves
+            judge, cell.hits, cell.origins, cell.directions, cell.near, cell.leaves
         )
         work = tracer.counters["most_pieces"]
         found = replace(verdict_outcome(verdict, marks), work=work)
         if tracer.counters["given_up"]:
             words = f"{tracer.counters['given_up']} searches given up at {distance:.0e}"
             found = replace(found, notes=(*found.notes, words))
-        if not found.holds:
+        if not found.holds or found.needless:
             seen = {fault: rows[:2] for fault, rows in verdict.examples.items()}
             where = f"{name}, {distance:.0e}, {placement}, {n} rays, seed {effort.seed}: {seen}"
             found = replace(found, notes=(*found.notes, where))
@@ -188,4 +191,23 @@ def by_set(
         if cell.source is None:
             error, expected = exact_errors(judge.scene, cell.hits, cell.origins, cell.directions)
             total = total + plot.add(distance, error / size, expected / size, work)
-    return replace(total, curves=(plot.curve,)) if plot.x else total
+    return replace(total, curves=(plot,)) if plot.x else total
+
+
+def catalogue(case_id: str, effort: Effort) -> Outcome:
+    """Run the cases of the catalogue with an id: by given distances, or by the judges."""
+    total = Outcome()
+    cases = [case for case in CATALOGUE if case.id == case_id]
+    if not cases:
+        raise ValueError(f"{case_id}: no case of the catalogue")
+    for case in cases:
+        surfaces = case.surfaces()
+        options: dict[str, Any] = {"most_pieces": case.most_pieces}
+        rays = case.rays(surfaces, MORE * effort.factor, effort.seed)
+        if case.t is None:
+            total += (by_exact if case.has_marks else by_judges)(surfaces, *rays, **options)
+            continue
+        found = by_times(surfaces, *rays, case.t(*rays), most_error=case.most_error, **options)
+        words = f"{case.name}: {found.undecided} rays are undecided"
+        total += found.checked(found.undecided < 0.2 * found.rays, words)
+    return total

@@ -8,20 +8,18 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from hybrid_rt.analysis.diagrams import MARKERS
 from meshing.outputs import make_folder, replacing
 
 # An error of 0 has no logarithm: it stands here, below any rounding.
 NOTHING = 1e-19
-PANEL = (7.0, 4.2)
-"""Inches; the legend stands below."""
 
 _STYLE = """
 body { font: 15px/1.5 sans-serif; max-width: 1180px; margin: 1.5em auto; padding: 0 1em; color: #222; }
@@ -53,28 +51,18 @@ what theory allows for that very ray. Errors of 0 stand at the lower edge, at 1e
 """.strip().split("|")
 
 
-@dataclass(frozen=True)
-class Panel:
-    """One plot: curves against one parameter.
+class Panel(NamedTuple):
+    """One plot: curves, as `Result.figures` has them, against one parameter."""
 
-    Attributes
-    ----------
-    name : str
-        For a file.
-    against : str
-    figure : str
-        "error" or "work".
-    unit : str
-        Of errors.
-    curves : sequence of mappings
-        As `Result.figures` has them.
-    """
-
-    name: str
     against: str
-    figure: str
+    figure: str  # "error" or "work"
     unit: str
     curves: Sequence[Mapping[str, Any]]
+
+    @property
+    def name(self) -> str:
+        """Name of a file."""
+        return re.sub("[^a-z0-9]+", "_", f"{self.figure} {self.against}".lower()).strip("_")
 
 
 def summary(rows: Sequence[Mapping[str, Any]], machine: str, version: str, seconds: float) -> str:
@@ -89,15 +77,7 @@ def summary(rows: Sequence[Mapping[str, Any]], machine: str, version: str, secon
 
 
 def stability_page(rows: Sequence[Mapping[str, Any]], sentence: str) -> str:
-    """Return a self-contained HTML page of a run, without plots if matplotlib is not installed.
-
-    Parameters
-    ----------
-    rows : sequence of mappings
-        `Result.figures` of each row.
-    sentence : str
-        The summary.
-    """
+    """Return a self-contained HTML page of a run, without plots if matplotlib is not installed."""
     parts = [
         '<!doctype html><html lang="en"><head><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
@@ -111,13 +91,13 @@ def stability_page(rows: Sequence[Mapping[str, Any]], sentence: str) -> str:
         *(_row(row) for row in rows),
         "</table></div>",
     ]
-    found = panels(rows) if find_spec("matplotlib") else []
-    if found:
+    if find_spec("matplotlib") and (found := panels(rows)):
         parts.append('<h2>Curves</h2><div class="plots">')
-        parts += [f"<figure>{as_svg(panel)}</figure>" for panel in found]
+        for panel in found:
+            text = drawn(panel, "svg").decode()
+            parts.append(f"<figure>{text[text.index('<svg') :]}</figure>")
         parts.append("</div>")
-    parts.append("</body></html>")
-    return "\n".join(parts)
+    return "\n".join([*parts, "</body></html>"])
 
 
 def panels(rows: Sequence[Mapping[str, Any]]) -> list[Panel]:
@@ -129,82 +109,55 @@ def panels(rows: Sequence[Mapping[str, Any]]) -> list[Panel]:
             groups.setdefault((curve["against"], curve["unit"]), []).append(named)
     found = []
     for (against, unit), curves in groups.items():
-        name = "".join(c if c.isalnum() else "_" for c in against.lower()).strip("_")
-        name = "_".join(part for part in name.split("_") if part)
-        found.append(Panel(f"error_{name}", against, "error", unit, curves))
-        working = [curve for curve in curves if curve["work"]]
-        if working:
-            found.append(Panel(f"work_{name}", against, "work", "", working))
+        found.append(Panel(against, "error", unit, curves))
+        if working := [curve for curve in curves if any(curve["work"])]:
+            found.append(Panel(against, "work", "", working))
     return found
 
 
-def as_svg(panel: Panel) -> str:
-    """Return a panel as an SVG element: equal panels, equal text."""
-    buffer = io.StringIO()
-    for figure in _drawn(panel, {"svg.fonttype": "none", "svg.hashsalt": panel.name}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None}, bbox_inches="tight")
-    text = buffer.getvalue()
-    return text[text.index("<svg") :]
-
-
-def save_panels(rows: Sequence[Mapping[str, Any]], directory: Path) -> list[Path]:
-    """Write every panel as a PNG and an SVG file; return their names."""
+def save_panels(rows: Sequence[Mapping[str, Any]], directory: Path) -> None:
+    """Write every panel as a PNG file."""
     make_folder(directory)
-    files = []
     for panel in panels(rows):
-        for ending in ("png", "svg"):
-            file = directory / f"{panel.name}.{ending}"
-            more: dict[str, Any] = {"metadata": {"Date": None}} if ending == "svg" else {"dpi": 110}
-            for figure in _drawn(panel, {"svg.hashsalt": panel.name}):
-                with replacing(file) as opened:
-                    figure.savefig(opened, format=ending, bbox_inches="tight", **more)
-            files.append(file)
-    return files
+        with replacing(directory / f"{panel.name}.png") as opened:
+            opened.write(drawn(panel, "png"))
 
 
-def _drawn(panel: Panel, settings: Mapping[str, Any]) -> Iterator[Any]:
-    """Yield a figure without a window, whatever the user's own settings of matplotlib are."""
+def drawn(panel: Panel, ending: str) -> bytes:
+    """Return a picture, whatever the user's own settings of matplotlib are: equal panels, equal bytes."""
     from matplotlib import style
     from matplotlib.figure import Figure
 
-    with style.context(["default", dict(settings)]):
-        figure = Figure(figsize=PANEL)
-        axes = figure.add_subplot()
-        _draw(axes, panel)
-        yield figure
+    settings = {"svg.fonttype": "none", "svg.hashsalt": panel.name}
+    more: dict[str, Any] = {"metadata": {"Date": None}} if ending == "svg" else {"dpi": 110}
+    with style.context(["default", settings]):
+        figure, buffer = Figure(figsize=(7.0, 4.2)), io.BytesIO()
+        _draw(figure.add_subplot(), panel)
+        figure.savefig(buffer, format=ending, bbox_inches="tight", **more)
+    return buffer.getvalue()
 
 
 def _draw(axes: Any, panel: Panel) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
+    is_error = panel.figure == "error"
     for number, curve in enumerate(panel.curves):
         marker, color = MARKERS[number % len(MARKERS)], f"C{number % 10}"
-        y = [max(value, NOTHING) for value in curve[panel.figure]]
-        if panel.figure == "work":
-            y = [max(value, 1.0) for value in y]
-        axes.plot(
-            curve["x"], y, marker=marker, color=color, markersize=4.5, linewidth=1.2,
-            label=curve["label"],
-        )  # fmt: skip
-        if panel.figure == "error":
+        y = [max(value, NOTHING if is_error else 1.0) for value in curve[panel.figure]]
+        axes.plot(curve["x"], y, marker=marker, color=color, markersize=4.5, linewidth=1.2,
+                  label=curve["label"])  # fmt: skip
+        if is_error:
             # Without its marks a theory of one point would not be seen.
-            allowed = [
-                value if math.isfinite(value) and value < 1e6 else math.nan
-                for value in curve["expected"]
-            ]
+            allowed = [value if value < 1e6 else math.nan for value in curve["expected"]]
             axes.plot(curve["x"], allowed, "--", color=color, linewidth=1.0)
-    if panel.figure == "error":
+    if is_error:
         axes.plot([], [], "--", color="0.4", linewidth=1.0, label="what theory allows")
-        axes.set_ylabel(f"largest error ({panel.unit})")
-    else:
-        axes.set_ylabel("largest search (pieces)")
+    axes.set_ylabel(f"largest error ({panel.unit})" if is_error else "largest search (pieces)")
     axes.set_xlabel(panel.against)
     axes.grid(True, which="major", color="0.9")
     axes.set_axisbelow(True)
-    axes.legend(
-        fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, borderaxespad=0.0,
-        frameon=False,
-    )  # fmt: skip
+    axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2,
+                borderaxespad=0.0, frameon=False)  # fmt: skip
 
 
 def _row(row: Mapping[str, Any]) -> str:

@@ -1,39 +1,32 @@
-"""Rows A06, A08, A10 to A14 and A32: degrees, degenerate and touching patches, shapes of nets."""
+"""Rows A06, A08, A10 and A14: degrees, degenerate and touching patches."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
-from functools import partial
 from math import comb, hypot
 
 import numpy as np
 
 from hybrid_rt.analysis.ray_sets import unit
-from hybrid_rt.core.records import FloatArray, Status
+from hybrid_rt.core.records import Status
 from hybrid_rt.demo import teapot
 from hybrid_rt.intersection import Intersector
-from hybrid_rt.primitives import Rectangle
 from meshing import BezierPatches
 from proof.cases.catalogue import (
     cuspidal_edge,
-    loop_sheet,
     saddle,
 )
-from proof.cases.rays import chords
 from proof.exact.truth import ExactScene
 from proof.stability.measure import (
     EPS,
-    Plot,
     apart,
     by_times,
-    catalogue,
-    judged,
     traced,
 )
-from proof.stability.measure_exact import by_exact, by_set, exact_errors
+from proof.stability.measure_exact import by_set, catalogue, exact_errors
 from proof.stability.patch_nets import bumpy_chords, bumpy_net, elevated, flat_net
-from proof.stability.row import Effort, Outcome, refusal, row
+from proof.stability.row import Effort, Outcome, Plot, row
 
 DEGREES = (1, 2, 3, 5, 8, 12, 17, 23, 30)
 
@@ -64,7 +57,7 @@ def high_degrees(effort: Effort) -> Outcome:
                 undecided=int((hits.status == Status.TANGENT).sum()),
             )  # fmt: skip
             total += plot.add(degree, error / size, expected / size, work)
-        curves.append(plot.curve)
+        curves.append(plot)
     return replace(total, curves=tuple(curves)) + _point_of_degree_30(effort)
 
 
@@ -125,69 +118,6 @@ def cusps(effort: Effort) -> Outcome:
     return total + found + Outcome(wrong=int(off.sum()))
 
 
-@row("A11", "patch through itself", "exact arithmetic")
-def self_crossing(effort: Effort) -> Outcome:
-    """The nearest sheet of a loop drawn along z."""
-    rays = chords([loop_sheet()], effort.count(150, 8), seed=effort.seed + 5)
-    return catalogue("A11", effort) + by_exact([loop_sheet()], rays.origins, rays.directions)
-
-
-@row("A12", "two coincident patches", "closed form; exact arithmetic")
-def coincident(effort: Effort) -> Outcome:
-    """The lower object is hit, whatever the order."""
-    total = catalogue("A12", effort)
-    flat = [
-        BezierPatches([flat_net()]),
-        BezierPatches([flat_net()]),
-        Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0)),
-    ]
-    n = effort.count(5000, 50)
-    targets = effort.rng().uniform((-0.9, -0.9, 0), (0.9, 0.9, 0), (n, 3))
-    for order in ((0, 1, 2), (2, 1, 0)):
-        hits, found = traced(
-            [flat[k] for k in order],
-            targets + np.array([0.0, 0.0, 3.0]),
-            np.tile((0.0, 0.0, -1.0), (n, 1)),
-        )
-        total += found + Outcome(wrong=int(((hits.t != 3.0) | (hits.object_id != 0)).sum()))
-    return total
-
-
-@row("A13", "shared edges and corners", "exact arithmetic; no ray may pass")
-def shared_edges(effort: Effort) -> Outcome:
-    """10^5 rays from above at the inner edges of a sheet of 16 patches: none passes."""
-    total = catalogue("A13", effort)
-    sheet = _cut_up(bumpy_net(seed=4), 4)
-    surface, n, rng = BezierPatches(sheet), effort.count(100_000, 500), effort.rng(1)
-    patch, at, along = rng.integers(16, size=n), rng.integers(4, size=n), rng.random(n)
-    along = np.where(rng.random(n) < 0.25, np.round(along), along)
-    u, v = np.where(at < 2, at, along), np.where(at < 2, along, at - 2)
-    targets = surface.point(u.astype(float), v.astype(float), patch)
-    directions = rng.normal(size=(n, 3)) * (0.1, 0.1, 1.0) - (0, 0, 3)
-    hits, found = traced([surface], targets - 2.0 * directions, directions)
-    border = (np.abs(targets[:, :2] - 0.5) > 0.5 - 1e-9).any(axis=1)
-    passed = ~border & ~(hits.hit & (hits.t <= 2.0 + 1e-12))
-    return total + found + Outcome(wrong=int(passed.sum()))
-
-
-def _cut_up(net: FloatArray, n: int) -> list[FloatArray]:
-    """Cut a patch into n x n, so that neighbours share their edges' control points."""
-
-    def halves(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        left, right = [points[0]], [points[-1]]
-        while len(points) > 1:
-            points = 0.5 * (points[:-1] + points[1:])
-            left.append(points[0])
-            right.append(points[-1])
-        return np.stack(left), np.stack(right[::-1])
-
-    nets = [net]
-    while len(nets) < n * n:
-        nets = [part for one in nets for part in halves(one)]
-        nets = [part.swapaxes(0, 1) for one in nets for part in halves(one.swapaxes(0, 1))]
-    return nets
-
-
 @row("A14", "neighbours with different subdivision", "closed form")
 def t_junction(effort: Effort) -> Outcome:
     """One patch, its neighbour in two halves: no ray passes where they meet."""
@@ -204,24 +134,3 @@ def t_junction(effort: Effort) -> Outcome:
         [BezierPatches([flat_net(), upper, lower])], targets - directions, directions
     )
     return found + Outcome(wrong=int((~hits.hit | (np.abs(hits.t - 1) > 1e-14)).sum()))
-
-
-@row("A32", "nets of wrong shape or type", "refusal; identity")
-def shapes_and_types(effort: Effort) -> Outcome:
-    """Other shapes are refused; degrees may be mixed; other types become float64."""
-    total = Outcome()
-    for shape in ((4, 4, 3), (4, 3), (1, 4, 4, 2), (1, 4, 4, 4)):
-        total += refusal(partial(BezierPatches, np.zeros(shape)), "control has shape")
-    for dtype in (np.float32, np.int64):
-        net = np.round(4 * flat_net()).astype(dtype)
-        surface = BezierPatches([net, flat_net(2.0, degree=2)])
-        same = surface.control.dtype == np.float64 and np.array_equal(surface.patches[0], net)
-        total += Outcome(rays=1, wrong=int(not same))
-    nets = [
-        np.add(bumpy_net(m, n, 10 + m), (0.0, 0.0, 0.02 * m))
-        for m, n in ((1, 1), (2, 5), (4, 4), (7, 3), (12, 1), (9, 9))
-    ]
-    mixed = BezierPatches(nets)
-    origins, directions = bumpy_chords(effort.count(5000, 100), effort.rng(32))
-    hits, found = traced([mixed], origins, directions)
-    return total + found + judged([mixed], hits, origins, directions)

@@ -12,22 +12,20 @@ from hybrid_rt.core.records import Status
 from hybrid_rt.demo import teapot
 from hybrid_rt.intersection import Intersector
 from meshing import BezierPatches
-from proof.cases.campaign import torus
 from proof.cases.catalogue import (
     saddle,
 )
 from proof.cases.rays import chords, secondary
+from proof.cases.scenes import torus
 from proof.exact.truth import ExactScene
 from proof.stability.measure import (
     EPS,
     LEAST_COSINE,
-    Plot,
-    catalogue,
     differences,
 )
-from proof.stability.measure_exact import by_exact, exact_errors
+from proof.stability.measure_exact import by_exact, catalogue, exact_errors
 from proof.stability.patch_nets import bumpy_net, cosines
-from proof.stability.row import Effort, Outcome, row
+from proof.stability.row import Effort, Outcome, Plot, row
 
 # What a similarity by a power of two must leave as it is.
 SCALED = ("t", "u", "v", "object_id", "patch_id", "status")
@@ -65,7 +63,7 @@ def _scaled(effort: Effort, exponents: tuple[int, ...], decimals: tuple[int, ...
             errors = exact_errors(ExactScene([moved]), tracer.intersect(o, d), o, d)
             work = tracer.counters["most_pieces"]
             total += plot.add(factor, errors[0] / size, errors[1] / size, work)
-        curves.append(plot.curve)
+        curves.append(plot)
     return replace(total, curves=tuple(curves))
 
 
@@ -117,7 +115,7 @@ def far_away(effort: Effort) -> Outcome:
             total += plot.add(
                 offset / size, error / size, expected / size, tracer.counters["most_pieces"]
             )
-        curves.append(plot.curve)
+        curves.append(plot)
     return replace(total, curves=tuple(curves))
 
 
@@ -144,4 +142,4 @@ def long_and_thin(effort: Effort) -> Outcome:
         total += plot.add(
             2.0**exponent, error / size, expected / size, tracer.counters["most_pieces"]
         )
-    return replace(total, curves=(plot.curve,))
+    return replace(total, curves=(plot,))

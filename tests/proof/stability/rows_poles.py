@@ -1,4 +1,4 @@
-"""Rows A35 and A36: the work of rays at singular sets of patches, and the normals beside poles."""
+"""Row A35: the work of rays at singular sets of patches."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from hybrid_rt.core.records import FloatArray, HitRecord
 from hybrid_rt.demo import teapot
 from hybrid_rt.intersection import Intersector
 from meshing import BezierPatches
+from proof.cases.campaign import placed_surfaces, trace_cell
 from proof.cases.rational_surfaces import nurbs_sphere, octants
-from proof.cases.singular_campaign import placed_surfaces, trace_cell
 from proof.cases.singular_rays import interior
 from proof.cases.singular_sets import SETS
-from proof.stability.measure import EPS, Plot
 from proof.stability.patch_nets import elevated
 from proof.stability.row import Effort, Outcome, row
 
@@ -94,24 +93,3 @@ def work_of(
     count = tracer.counters
     boxes = count["nodes"] + count["cells"] + PIECE * count["slow_pieces"]
     return PIECE + float(boxes) / len(origins)
-
-
-@row("A36", "normals beside collapsed edges", "closed form")
-def normals_beside_poles(effort: Effort) -> Outcome:
-    """A unit sphere's normal is the point: of hits, within rounding of them, and of (u, v)."""
-    total, plot = Outcome(), Plot("distance from the pole / radius", "sphere", unit="radians")
-    n = effort.count(200, 12)
-    surface = nurbs_sphere()
-    tracer = Intersector([surface], coarse="none")
-    for k, distance in enumerate(DISTANCES[1:]):
-        aside = _beside(distance, n, effort.rng(340 + k))
-        hits = tracer.intersect(aside + np.array([0.0, 0.0, 5.0]), (0.0, 0.0, -1.0))
-        truth = aside + np.array([0.0, 0.0, np.sqrt(1.0 - distance**2)])
-        error = np.linalg.norm(np.abs(hits.normal) - np.abs(truth), axis=1)
-        # A point is right to some 22 roundings of its size and three of the ray's length.
-        total += plot.add(distance, error, np.full(n, 128 * EPS))
-        u, v = effort.rng(360 + k).random(n), np.full(n, 1.0 - distance)
-        point = surface.point(u, v)
-        apart = np.linalg.norm(np.abs(surface.normal(u, v)) - np.abs(point), axis=1)
-        total += Outcome(rays=n, error=float(apart.max() / (32 * EPS)))
-    return Outcome(curves=(plot.curve,)) + total

@@ -4,18 +4,27 @@ from __future__ import annotations
 
 from proof.stability.row import tested
 
+AMONG_GLASS = "integrators/path/test_glass.py::TestGlass::test_"
 CAMERA = "sensor/test_camera.py::test_"
 CAUSTICS = "integrators/photons/test_caustics.py::test_"
 EDGES = "intersection/test_sharp_edges.py::test_"
+FRESNEL = "shading/test_fresnel.py::test_"
+FURNACE = "integrators/path/test_furnace.py::TestFurnace::test_"
+EVERY_KIND = "intersection/test_every_kind.py::test_"
 HITS = "intersection/test_certified.py::test_"
 LIGHT_FOUND = "integrators/test_light_found.py::test_"
 MATERIALS = "materials/test_materials.py::test_"
 NURBS = "../meshing/test_nurbs.py::test_"
 PLACES = "intersection/test_instances.py::test_"
+POLES = "intersection/test_patch_poles.py::test_"
 PPM = "integrators/photons/test_ppm.py::test_"
+RATIONAL = "intersection/test_rational.py::test_"
+RINGS = "lights/test_trimmed.py::test_"
 REFUSALS = "primitives/test_refusals.py::test_"
 SEAMS = "intersection/test_trims_across_seams.py::test_"
+ROUGH_GLASS = "integrators/test_rough_surfaces.py::TestGlass::test_"
 SETTINGS = "rendering/test_settings.py::test_"
+SPOT = "lights/test_spot.py::test_"
 STORE = "rendering/test_store.py::test_"
 TESSELLATION = "../meshing/test_tessellation_of_known_surfaces.py::test_"
 TEXTURES = "textures/test_textures.py::test_"
@@ -28,6 +37,43 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
         f"{REFUSALS}refused_with_a_name",
     )),
     ("A16", "control points that are no numbers", "refusal", (f"{REFUSALS}refused_with_a_name",)),
+    ("A27", "rational patches with weights that are none", "refusal", (
+        "../meshing/test_rational.py::test_bad_weights_are_refused_by_name",
+        "../meshing/test_rational.py::test_negative_weights_are_refused",
+        f"{NURBS}bad_arguments_are_refused_by_name",
+    )),
+    ("A28", "rational patches with weights 1e-6 to 1", "closed form; exact crossings", (
+        f"{RATIONAL}the_pace_of_the_parameters_changes_no_hit",
+        f"{RATIONAL}quadrics_by_their_closed_form",
+        f"{RATIONAL}hard_rays_by_exact_crossings",
+    )),
+    ("A31", "NURBS with breaks and spans of nothing", "the basis functions; exact crossings", (
+        f"{NURBS}points_are_those_of_scipy",
+        f"{NURBS}one_patch_for_each_span_and_shared_borders_to_the_bit",
+        f"{NURBS}a_break_leaves_two_sheets",
+        f"{RATIONAL}hard_rays_by_exact_crossings",
+    )),
+    ("A32", "nets of wrong shape or type, mixed degrees", "refusal; exact arithmetic", (
+        f"{REFUSALS}refused_with_a_name",
+        "core/test_extremes.py::test_lists_and_integers_are_taken",
+        "../proof_tests/judges/test_hits.py::test_certified_hits_are_right",
+    )),
+    ("A36", "normals beside collapsed edges", "closed form", (
+        f"{POLES}normals_beside_a_collapsed_edge_have_all_digits",
+        f"{POLES}hits_beside_the_pole_of_a_sphere",
+    )),
+    ("D03", "directions that are no unit vectors", "identity", (
+        f"{EVERY_KIND}powers_of_two_change_no_bit",
+        f"{HITS}limits_of_t",
+    )),
+    ("F05", "rays that leave a sphere which passes near 0", "closed form", (
+        "intersection/test_departures.py::test_spheres_that_pass_near_zero_are_not_met_again",
+    )),
+    ("F06", "by way of Embree and without, random surfaces", "identity", (
+        "intersection/test_turned_singular.py::test_both_ways_give_the_same_bits",
+        "../proof_tests/judges/test_hits.py::test_hits_are_the_same_without_a_coarse_stage",
+        "../proof_tests/stability/test_fuzz.py::test_hits_on_surfaces_of_one_class",
+    )),
     ("A33", "NURBS far from 0, given and moved", "de Boor's algorithm in fractions", (
         "intersection/test_bounds_of_what_was_given.py::test_nurbs",
     )),
@@ -37,9 +83,44 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
         "intersection/test_bounds_of_what_was_given.py::test_knots_that_are_nearly_equal",
         f"{SEAMS}loops_that_overlap_themselves_after_a_turn_are_refused",
     )),
+    ("A26", "t_max just before and behind the hit", "the hit itself", (
+        f"{HITS}limits_of_t",
+        "intersection/test_limits.py::test_what_the_bound_leaves_open_says_so",
+    )),
+    ("B06", "ray equal to the axis", "closed form", (
+        "intersection/test_turned_singular.py::test_rays_along_the_axis_meet_it_on_every_side",
+        "intersection/test_truths.py::test_ray_along_the_axis_meets_the_pole",
+    )),
+    ("B12", "closed profile", "parity; the quartic", (
+        "intersection/test_crossings.py::test_closed_bodies_are_left_as_often_as_entered",
+        "intersection/test_crossings.py::test_a_shared_edge_counts_once",
+        "intersection/test_crossings.py::test_all_crossings_of_a_turned_torus_are_the_exact_ones",
+    )),
+    ("B19", "axes of any length but zero", "refusal; closed form", (
+        f"{REFUSALS}refused_with_a_name",
+        "intersection/test_truths.py::test_axes_of_any_length_are_scaled_to_one",
+    )),
     ("B08", "profile that crosses the axis", "refusal", (f"{REFUSALS}refused_with_a_name",)),
     ("C04", "radius 0", "refusal", (f"{REFUSALS}refused_with_a_name",)),
     ("C05", "negative radius", "refusal", (f"{REFUSALS}refused_with_a_name",)),
+    ("C06", "radius nan or inf, sizes at the ends of the range", "refusals; closed form", (
+        f"{REFUSALS}refused_with_a_name",
+        "core/test_checks.py::test_scaling_beyond_all_scenes_is_refused_for_its_size",
+        "../proof_tests/cases/test_catalogue.py::test_sizes_at_the_ends_of_the_range",
+    )),
+    ("C07", "origin on the sphere", "closed form", (
+        "intersection/test_truths.py::test_origin_on_a_sphere_finds_the_other_side",
+        "intersection/test_departures.py::test_spheres_that_pass_near_zero_are_not_met_again",
+    )),
+    ("C08", "origin inside", "closed form; exact roots", (
+        "../proof_tests/cases/test_campaign.py::test_no_promise_is_broken",
+        "intersection/test_truths.py::test_the_exit_is_seen_from_behind",
+    )),
+    ("C11", "coincident surfaces", "the lower object is hit", (
+        f"{EVERY_KIND}equal_surfaces_tie",
+        f"{EVERY_KIND}equal_surfaces_tie",
+        "intersection/test_truths.py::test_coincident_spheres_squares_and_patches_tie",
+    )),
     ("D01", "direction of length zero", "refusal", (f"{HITS}bad_rays_are_refused",)),
     ("D04", "batches of any size", "identity", (
         f"{HITS}order_batches_and_threads_change_no_bit",
@@ -54,12 +135,12 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
         "materials/test_rough_conductor.py::test_impossible_metals_are_refused",
     )),
     ("D12", "the critical angle", "Fresnel's equations in many digits", (
-        "shading/test_fresnel.py::test_reflectance_around_the_critical_angle",
+        f"{FRESNEL}reflectance_around_the_critical_angle",
         f"{WHITTED}total_reflection_sends_everything_back",
     )),
     ("D13", "grazing incidence", "Fresnel's equations in many digits", (
-        "shading/test_fresnel.py::test_reflectance_is_that_of_fresnels_equations",
-        "shading/test_fresnel.py::test_grazing_light_is_all_reflected",
+        f"{FRESNEL}reflectance_is_that_of_fresnels_equations",
+        f"{FRESNEL}grazing_light_is_all_reflected",
     )),
     ("D17", "albedo above one or below 0", "refusals", (
         f"{MATERIALS}impossible_materials_are_refused",
@@ -177,6 +258,79 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
         "lights/test_rectangle.py::test_irradiance_is_lamberts",
         "lights/test_spot.py::test_irradiance_on_a_plane",
         "lights/test_surface.py::test_irradiance_is_lamberts",
+    )),
+    ("D06", "camera in glass or on its surface", "closed form: radiance n^2 in even light", (
+        f"{AMONG_GLASS}camera_within_nested_bodies",
+        f"{AMONG_GLASS}camera_within_the_lower_of_two_cubes",
+        "integrators/test_camera_across_glass.py::test_lens_that_reaches_out_of_a_ball",
+        f"{WHITTED}camera_within_glass_sees_through_what_absorbs",
+    )),
+    ("D09", "index 1 and 1 + 1e-9", "identity: the picture without the body", (
+        f"{FRESNEL}index_one_reflects_nothing",
+        f"{WHITTED}glass_of_index_one_is_not_seen",
+        f"{ROUGH_GLASS}of_the_same_index_it_only_tints_and_absorbs",
+    )),
+    ("D10", "indices 1000 and 1e-3", "even light: never above the light there is", (
+        f"{WHITTED}extreme_indices_stay_finite_and_within_the_light_there_is",
+        f"{FURNACE}every_material",
+    )),
+    ("D14", "bodies within bodies, overlapping bodies", "closed form: stacks of plates", (
+        f"{AMONG_GLASS}body_within_a_body",
+        f"{AMONG_GLASS}overlapping_bodies_by_priority",
+        f"{AMONG_GLASS}shells_in_an_even_light_are_not_seen",
+    )),
+    ("D15", "clear bodies that touch", "closed form: stacks of plates without air between", (
+        f"{AMONG_GLASS}cube_of_glass_on_cube_of_glass",
+        f"{AMONG_GLASS}water_that_fills_a_glass",
+    )),
+    ("D16", "closed white room", "white furnace: a geometric series, and what is lost is said", (
+        f"{FURNACE}white_room_ends_and_says_what_is_lost",
+        f"{FURNACE}what_is_lost_in_glass_is_what_is_missing",
+    )),
+    ("D18", "two parallel mirrors", "nothing is seen, and what is lost is said", (
+        f"{WHITTED}two_facing_mirrors_end_at_max_depth_and_say_so",
+        f"{FURNACE}what_is_lost_counts_by_what_emissive_surfaces_send",
+    )),
+    ("D24", "gathering across a thin wall", "the dark side is exactly black", (
+        f"{PPM}dark_side_of_a_wall_stays_dark",
+    )),
+    ("L06", "photons into a spot of 1e-3 degrees", "what a cone sends out; memory as when spread", (
+        f"{SPOT}photons_follow_the_profile_and_carry_equal_power",
+        f"{PPM}a_million_photons_in_one_point_need_little_memory",
+    )),
+    ("L09", "rough metal, roughness 0.01 to 1", "energy of facets that are seen once; refusals", (
+        "shading/test_rough.py::TestConductor::test_energy_is_that_of_facets_seen_once",
+        "materials/test_rough_conductor.py::test_impossible_metals_are_refused",
+    )),
+    ("L10", "rough glass, roughness 0.01 to 1", "energy of facets that are seen once; refusals", (
+        "shading/test_rough.py::TestGlass::test_energy_is_that_of_facets_seen_once",
+        f"{ROUGH_GLASS}in_radiance_one_light_is_lost_only_between_facets",
+        f"{MATERIALS}impossible_materials_are_refused",
+    )),
+    ("L11", "spots of 0.001 to 180 degrees", "closed forms: across the edge, and all that is sent out", (
+        f"{SPOT}irradiance_on_a_plane",
+        f"{SPOT}power_is_the_integral_of_the_profile",
+        f"{SPOT}photons_follow_the_profile_and_carry_equal_power",
+        f"{SPOT}bad_settings_are_refused",
+    )),
+    ("L13", "light under a ball of glass, and behind a pane", "a light tracer that shares no code", (
+        f"{CAUSTICS}picture_agrees_with_a_light_tracer_of_its_own",
+    )),
+    ("L15", "rings cut out of lamps, of all widths", "closed form of the irradiance", (
+        f"{RINGS}irradiance_of_a_ring",
+        f"{RINGS}narrow_and_tiny_parts_shine",
+        f"{RINGS}pictures_show_it",
+    )),
+    ("E03", "arguments are used twice", "identity", (
+        "intersection/test_crossings.py::test_repeated_calls_say_the_same",
+        f"{HITS}layouts_change_no_bit_and_arguments_are_left_as_they_are",
+    )),
+    ("E05", "one worker, many; other processes", "identity", (
+        f"{HITS}order_batches_and_threads_change_no_bit",
+        "rendering/test_cluster.py::test_workers_killed_and_added_change_no_bit",
+    )),
+    ("E09", "arrays of any layout", "identity", (
+        f"{HITS}layouts_change_no_bit_and_arguments_are_left_as_they_are",
     )),
 )  # fmt: skip
 

@@ -17,15 +17,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from proof.stability.row import (
-    NOT_BUILT,
-    Curve,
-    Effort,
-    Outcome,
-    Row,
-    all_ids,
-    all_rows,
-)
+from proof.stability.row import NOT_BUILT, Effort, Outcome, Row, all_ids, all_rows
 
 # Seconds for one row, its compilations included.
 LIMIT = 900.0
@@ -38,22 +30,12 @@ Rows = Callable[[], dict[str, Row]]
 
 @dataclass(frozen=True)
 class Result:
-    """Result of a row.
-
-    Attributes
-    ----------
-    id, title, truth : str
-        As in `Row`; the last two are empty where there is no row.
-    verdict : str
-        "holds", "fails", "not built: ..." with what is not, "missing", "does not end", "crashed".
-    outcome : Outcome
-    seconds : float
-    """
+    """Result of a row; title and truth are empty where there is none."""
 
     id: str
     title: str
     truth: str
-    verdict: str
+    verdict: str  # "holds", "fails", "not built: ...", "missing", "does not end", "crashed"
     outcome: Outcome = field(default_factory=Outcome)
     seconds: float = 0.0
 
@@ -62,11 +44,6 @@ class Result:
         """Whether the row holds, or is declared as not built."""
         return self.verdict == HOLDS or self.verdict.startswith(NOT_YET)
 
-    @property
-    def curves(self) -> tuple[Curve, ...]:
-        """Curves to plot."""
-        return self.outcome.curves
-
     def figures(self) -> dict[str, Any]:
         """Return all as a flat dictionary, for JSON."""
         head = {name: getattr(self, name) for name in ("id", "title", "truth", "verdict")}
@@ -74,13 +51,7 @@ class Result:
 
 
 def expand(only: Sequence[str], ids: Sequence[str] = ()) -> list[str]:
-    """Return the ids (default: `all_ids`) that begin with one of some words; all without words.
-
-    Raises
-    ------
-    ValueError
-        If no id begins with one of them.
-    """
+    """Return the ids (default: `all_ids`) that begin with one of some words; all without words."""
     ids = ids or all_ids()
     words = [word.strip() for word in only if word.strip()]
     for word in words:
@@ -101,23 +72,9 @@ def run_rows(
 ) -> Iterator[Result]:
     """Run rows in order; yield the result of each as it ends.
 
-    Parameters
-    ----------
-    only : sequence of str
-        Ids or how they begin; all where there are none.
-    effort : Effort, optional
-        Default: a full run.
-    limit : float
-        Seconds for one row.
-    rows : callable
-        Returns the rows by their ids. Must be picklable: the child calls it as well.
-    ids : sequence of str
-        Required rows. Default: `all_ids`.
-
-    Raises
-    ------
-    ValueError
-        If a word of ``only`` selects nothing.
+    ``only`` has ids or how they begin; ``rows`` returns the rows by their ids, and must be picklable: the
+    child calls it as well; ``ids`` are those that there must be. Raises ValueError if a word of ``only``
+    selects nothing.
     """
     known, worker = rows(), None
     try:

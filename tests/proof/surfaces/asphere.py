@@ -145,7 +145,3 @@ class AsphereFilter(SurfaceFilter, of=Asphere):
         points = local.point(u, v, patch)
         distance: FloatArray = np.linalg.norm(points - (origins - surface.origin) - along, axis=1)
         return distance
-
-    def ball(self) -> tuple[FloatArray, float]:
-        """Return the vertex and the diameter of the ball about it."""
-        return self.surface.origin, self.surface.size

@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.core.records import FloatArray, IntArray
 from meshing import BezierPatches
 from meshing.bezier import RationalPatches
 from proof.exact.crossings import Crosser, distance, inside, on_curve, rationals
 from proof.exact.patches import patches_crosser, weights_of
 from proof.exact.touches import SAMPLES, touch_of_nets
 from proof.filters.kernels import patches
-from proof.filters.kernels.first import N_COLUMNS
 from proof.surface import (
     ExactSurface,
     Gap,
@@ -65,6 +64,8 @@ class ExactPatches(ExactSurface, of=BezierPatches):
 class PatchesFilter(SurfaceFilter, of=BezierPatches):
     """Bisects the projections of all patches that a ray may meet."""
 
+    kernel = staticmethod(patches.first_on_patches)
+
     surface: BezierPatches
 
     def __init__(self, surface: BezierPatches) -> None:
@@ -114,16 +115,6 @@ class PatchesFilter(SurfaceFilter, of=BezierPatches):
         self._local = BezierPatches(
             [own.reshape(net.shape) for own, net in zip(local, nets, strict=True)], surface.weights
         )
-
-    def first(
-        self, origins: FloatArray, directions: FloatArray, leaves: BoolArray, hit_t: FloatArray
-    ) -> FloatArray:
-        """Bisect the patches near each ray."""
-        out = np.zeros((len(origins), N_COLUMNS))
-        patches.first_on_patches(
-            self._table, origins, directions, leaves, hit_t, self._scratch, out
-        )
-        return out
 
     def gap(
         self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray

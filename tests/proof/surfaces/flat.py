@@ -8,7 +8,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.core.records import FloatArray, IntArray
 from hybrid_rt.primitives import Box, Plane, Rectangle, TriangleMesh
 from hybrid_rt.primitives.box import TurnedBox
 from proof.exact.crossings import (
@@ -27,7 +27,6 @@ from proof.exact.crossings import (
 from proof.exact.faces import BoxFace, Face
 from proof.exact.touches import FEW_SAMPLES, STEEP, touch_of_nets
 from proof.filters.kernels import faces
-from proof.filters.kernels.first import N_COLUMNS
 from proof.surface import (
     ExactSurface,
     Gap,
@@ -253,6 +252,8 @@ def _sum(a: RationalVector, b: RationalVector) -> list[Any]:
 class FlatFilter(SurfaceFilter, of=Rectangle):
     """Solves for t and the coordinates in the plane, face by face."""
 
+    kernel = staticmethod(faces.first_on_faces)
+
     shape = faces.PARALLELOGRAM
 
     def __init__(self, surface: Any) -> None:
@@ -292,14 +293,6 @@ class FlatFilter(SurfaceFilter, of=Rectangle):
         )
         self._scratch = faces.FaceScratch(np.zeros((3, 3)), crossings_scratch())
 
-    def first(
-        self, origins: FloatArray, directions: FloatArray, leaves: BoolArray, hit_t: FloatArray
-    ) -> FloatArray:
-        """Solve for all faces near each ray."""
-        out = np.zeros((len(origins), N_COLUMNS))
-        faces.first_on_faces(self._table, origins, directions, leaves, hit_t, self._scratch, out)
-        return out
-
     def gap(
         self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray
     ) -> FloatArray:
@@ -336,10 +329,6 @@ class PlaneFilter(FlatFilter, of=Plane):
         away = origins - self.surface.origin + along
         distance: FloatArray = np.abs(away @ self.surface.unit_normal)
         return distance
-
-    def ball(self) -> tuple[FloatArray, float]:
-        """Return a point of the plane."""
-        return np.array(self.surface.origin), -1.0
 
     def _faces(self) -> tuple[FloatArray, Any, Any]:
         return np.array(self.surface.origin), fractions(np.zeros((1, 3))), fractions(

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray
+from hybrid_rt.core.records import FloatArray, HitRecord, IntArray
 from hybrid_rt.primitives.instances import Instances
 from proof.exact.crossings import (
     Crosser,
@@ -20,17 +20,23 @@ from proof.exact.crossings import (
     rational,
     rationals,
 )
-from proof.filters.kernels.first import N_COLUMNS, UNSURE_FROM
 from proof.surface import ExactSurface, Gap, IsTouched, SurfaceFilter, exact_of, filter_of
 
 
-class _Place(NamedTuple):
+class Place(NamedTuple):
     """A matrix, exact: its shift, the rows of its inverse times the determinant, and that one."""
 
     shift: RationalVector
     rows: Sequence[RationalVector]
     volume: Rational
     scale: float
+
+    @classmethod
+    def of(cls, matrix: FloatArray, scale: float = 1.0) -> Place:
+        """Return the place of a matrix (3, 4)."""
+        columns = [rationals(column) for column in matrix[:, :3].T]
+        rows = [cross(columns[k - 2], columns[k - 1]) for k in range(3)]
+        return cls(rationals(matrix[:, 3]), rows, dot(columns[0], rows[0]), scale)
 
     def point(self, p: RationalVector) -> list[Rational]:
         """Return a point in the frame of the surfaces."""
@@ -39,12 +45,6 @@ class _Place(NamedTuple):
     def vector(self, x: RationalVector) -> list[Rational]:
         """Return a vector in the frame of the surfaces."""
         return [dot(row, x) / self.volume for row in self.rows]
-
-
-def _place(matrix: FloatArray, scale: float) -> _Place:
-    columns = [rationals(column) for column in matrix[:, :3].T]
-    rows = [cross(columns[k - 2], columns[k - 1]) for k in range(3)]
-    return _Place(rationals(matrix[:, 3]), rows, dot(columns[0], rows[0]), scale)
 
 
 class ExactInstances(ExactSurface, of=Instances):
@@ -56,7 +56,7 @@ class ExactInstances(ExactSurface, of=Instances):
         super().__init__(surface)
         self._members = [exact_of(member) for member in surface.surfaces]
         pairs = zip(surface.matrices, surface.scale.tolist(), strict=True)
-        self._places = [_place(matrix, scale) for matrix, scale in pairs]
+        self._places = [Place.of(matrix, scale) for matrix, scale in pairs]
 
     def crosser(self) -> Crosser:
         """Return a function that asks each surface about the ray as seen from each place."""
@@ -138,15 +138,6 @@ class InstancesFilter(SurfaceFilter, of=Instances):
     def __init__(self, surface: Instances) -> None:
         super().__init__(surface)
         self._members = [filter_of(member) for member in surface.surfaces]
-
-    def first(
-        self, origins: FloatArray, directions: FloatArray, leaves: BoolArray, hit_t: FloatArray
-    ) -> FloatArray:
-        """Say that nothing is certain."""
-        del directions, leaves, hit_t
-        out = np.zeros((len(origins), N_COLUMNS))
-        out[:, UNSURE_FROM] = -np.inf
-        return out
 
     def gap(
         self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray

@@ -9,7 +9,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.core.records import FloatArray, IntArray
 from meshing import SurfaceOfRevolution
 from proof.exact.crossings import (
     Crosser,
@@ -23,7 +23,6 @@ from proof.exact.crossings import (
 from proof.exact.revolution import revolution_crosser
 from proof.exact.touches import SAMPLES, SampledTouches
 from proof.filters.kernels import profiles, turned
-from proof.filters.kernels.first import N_COLUMNS, UNSURE_FROM
 from proof.surface import (
     ExactSurface,
     Gap,
@@ -99,6 +98,9 @@ class RevolutionFilter(SurfaceFilter, of=SurfaceOfRevolution):
 
     def __init__(self, surface: SurfaceOfRevolution) -> None:
         super().__init__(surface)
+        # Rational profiles and parts of a turn are left to exact arithmetic.
+        if surface.is_whole_turn and not surface.is_rational:
+            self.kernel = turned.first_on_turned
         # A segment on the axis has no area.
         segments = [net for net in surface.segments if net[:, 1].any()]
         points = np.concatenate(segments)
@@ -135,20 +137,6 @@ class RevolutionFilter(SurfaceFilter, of=SurfaceOfRevolution):
             list(surface.segments), np.zeros(3), surface.axis, surface.radial, surface.weights,
             surface.u_range,
         )  # fmt: skip
-
-    def first(
-        self, origins: FloatArray, directions: FloatArray, leaves: BoolArray, hit_t: FloatArray
-    ) -> FloatArray:
-        """Solve the eliminated polynomials of all segments.
-
-        Rational profiles and parts of a turn are left to exact arithmetic.
-        """
-        out = np.zeros((len(origins), N_COLUMNS))
-        if self.surface.is_rational or not self.surface.is_whole_turn:
-            out[:, UNSURE_FROM] = -np.inf
-            return out
-        turned.first_on_turned(self._table, origins, directions, leaves, hit_t, self._scratch, out)
-        return out
 
     def gap(
         self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray

@@ -8,7 +8,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.core.records import FloatArray, IntArray
 from hybrid_rt.primitives import Sphere
 from proof.exact.crossings import (
     Crosser,
@@ -26,7 +26,6 @@ from proof.exact.crossings import (
     turns,
 )
 from proof.filters.kernels import sphere
-from proof.filters.kernels.first import N_COLUMNS
 from proof.surface import (
     ExactSurface,
     Gap,
@@ -113,20 +112,14 @@ class ExactSphere(ExactSurface, of=Sphere):
 class SphereFilter(SurfaceFilter, of=Sphere):
     """Solves the quadratic."""
 
+    kernel = staticmethod(sphere.first_on_sphere)
+
     surface: Sphere
 
     def __init__(self, surface: Sphere) -> None:
         super().__init__(surface)
         self._table = sphere.Ball(np.array(surface.center), float(surface.radius))
         self._scratch = sphere.SphereScratch(np.zeros((3, 3)), crossings_scratch())
-
-    def first(
-        self, origins: FloatArray, directions: FloatArray, leaves: BoolArray, hit_t: FloatArray
-    ) -> FloatArray:
-        """Solve the quadratic of each ray."""
-        out = np.zeros((len(origins), N_COLUMNS))
-        sphere.first_on_sphere(self._table, origins, directions, leaves, hit_t, self._scratch, out)
-        return out
 
     def gap(
         self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray
@@ -136,7 +129,3 @@ class SphereFilter(SurfaceFilter, of=Sphere):
         away = origins - self.surface.center + along
         distance: FloatArray = np.abs(np.linalg.norm(away, axis=1) - self.surface.radius)
         return distance
-
-    def ball(self) -> tuple[FloatArray, float]:
-        """Return the centre and the diameter."""
-        return np.array(self.surface.center), 2.0 * float(self.surface.radius)

@@ -13,7 +13,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.core.records import FloatArray, IntArray
 from hybrid_rt.primitives.torus import Torus
 from proof.exact.crossings import (
     Crosser,
@@ -33,7 +33,6 @@ from proof.exact.crossings import (
     turns,
 )
 from proof.filters.kernels import torus
-from proof.filters.kernels.first import N_COLUMNS
 from proof.surface import (
     ExactSurface,
     Gap,
@@ -177,6 +176,8 @@ def _cosine(
 class TorusFilter(SurfaceFilter, of=Torus):
     """Solves the quartic."""
 
+    kernel = staticmethod(torus.first_on_torus)
+
     surface: Torus
 
     def __init__(self, surface: Torus) -> None:
@@ -194,14 +195,6 @@ class TorusFilter(SurfaceFilter, of=Torus):
             **solver_scratch(4), away=np.zeros((3, 3)), crossings=crossings_scratch()
         )
 
-    def first(
-        self, origins: FloatArray, directions: FloatArray, leaves: BoolArray, hit_t: FloatArray
-    ) -> FloatArray:
-        """Solve the quartic of each ray."""
-        out = np.zeros((len(origins), N_COLUMNS))
-        torus.first_on_torus(self._table, origins, directions, leaves, hit_t, self._scratch, out)
-        return out
-
     def gap(
         self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray
     ) -> FloatArray:
@@ -215,8 +208,3 @@ class TorusFilter(SurfaceFilter, of=Torus):
             np.hypot(ring - surface.major_radius, height) - surface.minor_radius
         )
         return distance
-
-    def ball(self) -> tuple[FloatArray, float]:
-        """Return the middle of the ring and the outer diameter."""
-        surface = self.surface
-        return np.array(surface.origin), 2.0 * (surface.major_radius + surface.minor_radius)

@@ -13,7 +13,7 @@ from meshing.spans import within_patch
 from meshing.trimmed import TrimmedSurface
 from proof.exact.crossings import EITHER, POINT, Crosser, Crossing, RationalVector, bits
 from proof.exact.loops import ExactLoops
-from proof.exact.trim_edges import AROUND_GAP, TrimEdges
+from proof.exact.trims import TrimEdges
 from proof.filters.kernels.first import FOUND, UNSURE_FROM
 from proof.surface import ExactSurface, Gap, IsTouched, SurfaceFilter, exact_of, filter_of
 
@@ -51,28 +51,19 @@ class ExactTrimmed(ExactSurface, of=TrimmedSurface):
                 u, v = u0 + u * (u1 - u0), v0 + v * (v1 - v0)
             if self._loops.is_inside(_within(u), _within(v)) is not False:
                 return one
+            if self._edges is None:
+                return None
             direction = np.array([float(x) for x in d])
-            is_within = self._is_within_gap(float(u), float(v), one.patch_id, direction)
-            if is_within is None:
+            is_outside = self._edges.is_outside(float(u), float(v), one.patch_id, direction)
+            if is_outside is None:
                 return replace(one, kind=EITHER)
-            return one if is_within else None
+            return None if is_outside else one
 
         def crossings(o: RationalVector, d: RationalVector) -> list[Crossing]:
             found = (decided(one, o, d) for one in crosser(o, d))
             return [one for one in found if one is not None]
 
         return crossings
-
-    def _is_within_gap(self, u: float, v: float, patch: int, d: FloatArray) -> bool | None:
-        """Tell whether a crossing outside of the loops counts; None near the end of the gap."""
-        if self._edges is None:
-            return False
-        at = np.clip([u], 0.0, 1.0), np.clip([v], 0.0, 1.0)
-        _, lies, cosine = self._edges.steps(*at, np.array([patch]), d[None])
-        reach, sides = self._edges.reach(cosine), self._edges.sides
-        if sides.passes(*at, lies, (1.0 - AROUND_GAP) * reach)[0][0]:
-            return True
-        return None if np.any(sides.passes(*at, lies, (1.0 + AROUND_GAP) * reach)) else False
 
     def gap(self) -> Gap:
         """Return a function that measures from S(u, v) of the whole surface."""
@@ -127,7 +118,3 @@ class TrimmedFilter(SurfaceFilter, of=TrimmedSurface):
         if self.surface.joined_spans is not None:
             u, v = within_patch(self.surface.joined_spans, u, v, patch)
         return self._whole.gap(origins, along, u, v, patch)
-
-    def ball(self) -> tuple[FloatArray, float]:
-        """Return middle and diameter of the whole surface."""
-        return self._whole.ball()

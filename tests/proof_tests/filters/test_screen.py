@@ -9,8 +9,7 @@ from hybrid_rt import Intersector
 from hybrid_rt.core.records import Status
 from hybrid_rt.primitives import Box, Rectangle, Sphere
 from meshing import SurfaceOfRevolution, TrimmedSurface
-from proof.cases.filtered_campaign import ORDINARY_SCENES, ordinary_rays
-from proof.cases.singular_campaign import placed_surfaces, trace_cell
+from proof.cases.campaign import ORDINARY_SCENES, ordinary_rays, placed_surfaces, trace_cell
 from proof.cases.singular_sets import PLACEMENTS, SETS
 from proof.exact.judge import ExactJudge
 from proof.exact.truth import ExactScene
@@ -27,8 +26,7 @@ SCREENED = [
 def cell_of(name, place, distance, n=10, seed=5):
     tracer = Intersector(placed_surfaces(name, place), coarse="none", threads=1)
     cell = trace_cell(tracer, name, distance, place, n, seed)
-    leaves = None if cell.source is None else cell.source.object_id
-    return tracer.surfaces, cell, leaves
+    return tracer.surfaces, cell, cell.leaves
 
 
 @pytest.mark.parametrize("name", SCREENED)

@@ -9,9 +9,9 @@ import trimesh
 from hybrid_rt import Intersector, Sphere, TriangleMesh
 from hybrid_rt.core.records import Status
 from meshing import SurfaceOfRevolution
-from proof.cases.campaign import SCENES
 from proof.cases.rational_surfaces import octants
 from proof.cases.rays import hard_rays
+from proof.cases.scenes import SCENES
 from proof.exact.answers import CERTAIN, DOUBTFUL, Root, _merged, answers_to
 from proof.exact.truth import ExactScene
 from proof.judge import Judge

@@ -1,15 +1,12 @@
 """Random surfaces, scenes and files: a few of each; `run_fuzz` tries more."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 
 from hybrid_rt.analysis.picture_comparison import load_picture
-from hybrid_rt.rendering import renderer
-from proof.stability import fuzz, fuzz_light, fuzz_properties
-from proof.stability.fuzz_cases import NumpyDraws, build
+from proof.stability import fuzz, fuzz_properties
+from proof.stability.fuzz_cases import build
 from proof.stability.row import Effort, all_rows
 
 pytestmark = pytest.mark.slow
@@ -49,30 +46,6 @@ def test_scenes_are_rendered_or_refused(case):
 @given(fuzz.strategy("file", tuple(READERS)))
 def test_damaged_files_are_read_or_refused(case):
     assert fuzz.faults_of(case, READERS) == ()
-
-
-# Rooms whose means one render knows to 0.7 %, so that 4 % too much light is seen.
-@pytest.mark.parametrize("number", [3, 17])
-def test_integrators_agree_in_random_rooms(monkeypatch, number):
-    monkeypatch.setattr(fuzz_light, "RENDERS", 1)
-    case = fuzz.make_case(NumpyDraws(np.random.default_rng(number)), "light")
-    assert fuzz.faults_of(case) == ()
-
-
-def test_integrators_that_disagree_are_found(monkeypatch):
-    def brighter(scene, integrator, *args, **keywords):
-        result = renderer.render(scene, integrator, *args, **keywords)
-        if integrator != "whitted":
-            return result
-        report = dict(result.report)
-        report["noise"] = {**report["noise"], "image_mean": 1.1 * report["noise"]["image_mean"]}
-        return SimpleNamespace(report=report)
-
-    monkeypatch.setattr(fuzz_light, "render", brighter)
-    monkeypatch.setattr(fuzz_light, "RENDERS", 1)
-    case = fuzz.make_case(NumpyDraws(np.random.default_rng(3)), "light")
-    (fault,) = fuzz.faults_of(case)
-    assert fault.startswith("whitted has")
 
 
 @pytest.mark.parametrize("row_id", FOUND)

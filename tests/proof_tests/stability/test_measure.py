@@ -12,7 +12,6 @@ from proof.cases.rays import chords
 from proof.exact.judge import BatchVerdict, ExactJudge
 from proof.filters.screen import Screen
 from proof.stability.measure import (
-    Plot,
     apart,
     by_times,
     differences,
@@ -25,7 +24,7 @@ from proof.stability.measure_exact import (
     exact_errors,
     exact_verdict,
 )
-from proof.stability.row import Effort, Outcome
+from proof.stability.row import Effort, Outcome, Plot
 
 UP = np.array([[0.25, 0.5, -3.0], [0.5, 0.25, -2.0]]), np.tile([0.0, 0.0, 1.0], (2, 1))
 
@@ -124,10 +123,12 @@ def test_needless_marks_and_missing_ones_are_noticed():
     turned = replace(hits, status=hits.status[::-1].copy())
     verdict = exact_verdict(judge, turned, o, d)
     assert (verdict.tangent_needlessly, verdict.unmarked) == (1, 1)
-    words = " ".join(verdict_outcome(verdict).faults)
-    assert "without need" in words
-    assert "without the mark" in words
-    assert "without need" not in " ".join(verdict_outcome(verdict, marks=False).faults)
+    outcome = verdict_outcome(verdict)
+    assert outcome.needless == 1
+    assert "without the mark" in outcome.faults[0]
+    assert verdict_outcome(verdict, marks=False).needless == 0
+    assert Outcome(rays=1000, needless=2).holds
+    assert not Outcome(rays=900, needless=2).holds
 
 
 def test_far_away_the_last_place_of_t_is_no_other_hit():
@@ -151,9 +152,8 @@ def test_errors_stand_beside_what_is_expected():
     assert (error < expected).all()
     plot = Plot("angle", "cone")
     assert plot.add(0.5, error, expected, 7).error == (error / expected).max()
-    curve = plot.curve
-    assert (curve.x, curve.error, curve.work) == ([0.5], [error.max()], [7.0])
-    assert curve.expected == [expected[error.argmax()]]
+    assert (plot.x, plot.error, plot.work) == ([0.5], [error.max()], [7.0])
+    assert plot.expected == [expected[error.argmax()]]
     assert not Plot("angle", "nothing").add(1.0, error[:0], expected[:0]).rays
     found = by_set("spindle", Effort(1.0), 3, against="distance", distances=(1e-2, 1e-6))
     assert found.holds

@@ -13,9 +13,9 @@ from proof.stability import fuzz, runner
 from proof.stability.row import (
     IDS,
     NOT_BUILT,
-    Curve,
     Effort,
     Outcome,
+    Plot,
     Row,
     all_ids,
     all_rows,
@@ -27,7 +27,8 @@ SOME = ("T01", "T02", "T03", "T04", "T05", "T06", "T07", "D29")
 
 
 def _right(effort):
-    curve = Curve("angle", "cone", [1e-3, 1e-2], [1e-16, 0.0], [1e-15, 1e-15], [3.0, 4.0])
+    values = [1e-3, 1e-2], [1e-16, 0.0], [1e-15, 1e-15], [3.0, 4.0]
+    curve = Plot("angle", "cone", "size", *values)
     return Outcome(rays=effort.count(100), error=0.5, work=4, curves=(curve,))
 
 

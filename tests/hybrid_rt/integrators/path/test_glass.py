@@ -14,11 +14,28 @@ from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from hybrid_rt.textures import CheckerTexture
-from proof.stability.rows_light_glass import through_layers
 
 WHITE_SKY = GradientSky(1.0, 1.0)
 
 pytestmark = pytest.mark.statistical
+
+
+def through_layers(indices, depths):
+    """Return the radiance that layers show head-on in the midst of radiance one: all reflections.
+
+    Layer by layer (the adding method); ``depths`` are the optical depths of the inner layers.
+    """
+    through, back_front, back_rear = 1.0, 0.0, 0.0
+    for k in range(len(indices) - 1):
+        r = ((indices[k] - indices[k + 1]) / (indices[k] + indices[k + 1])) ** 2
+        t, ring = 1.0 - r, 1.0 / (1.0 - back_rear * r)
+        back_front += through**2 * r * ring
+        back_rear = r + t * t * back_rear * ring
+        through *= t * ring
+        if k < len(depths):
+            a = math.exp(-depths[k])
+            through, back_rear = through * a, back_rear * a * a
+    return back_front + through
 
 
 class TestGlass:

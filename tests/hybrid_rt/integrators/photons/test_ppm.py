@@ -210,14 +210,27 @@ def test_photon_map_agrees_but_for_its_blur(name):
     np.testing.assert_allclose(b.mean(axis=(0, 1)), a.mean(axis=(0, 1)), rtol=0.03)
 
 
-def test_dark_side_of_a_wall_stays_dark():
+@pytest.mark.parametrize("gap", [0.0, 1e-9, 1e-6], ids=["wall", "two walls", "two rooms"])
+@pytest.mark.parametrize(
+    ("integrator", "options"),
+    [("ppm", PPMOptions(20_000, initial_radius=0.5)), ("photon_map", PhotonMapOptions(20_000))],
+)
+def test_dark_side_of_a_wall_stays_dark(integrator, options, gap):
     """A thin wall cuts a room in two; the lamp is in one half, its photons must not leak."""
-    lit = Object(Rectangle((0, -2, 0), (0, 0, 2), (0, 4, 0)), Lambertian(0.8), "wall")
-    room = Object(Box((-2, -2, 0), (2, 2, 2)).flipped(), Lambertian(0.8), "room")
+
+    def grey(surface):
+        return Object(surface, Lambertian(0.8))
+
+    walls = [Rectangle((x, -2, 0), (0, 0, 2), (0, 4, 0)) for x in {0.0, -gap}]
+    objects = [grey(Box((-2, -2, 0), (2, 2, 2)).flipped()), *map(grey, walls)]
+    if gap == 1e-6:
+        ends = (-2, -gap), (0, 2)
+        objects = [grey(Box((a, -2, 0), (b, 2, 2)).flipped()) for a, b in ends]
     lamp = SphereLight((1, 0, 1), 0.2, 10.0)
-    view = Camera((-1.5, 0, 1), (0, 0, 1), (0, 0, 1), 90, 16, 16)
-    image = photons(Scene(view, [room, lit], [lamp]), initial_radius=0.3).image
-    np.testing.assert_array_equal(image, 0.0)
+    for eye, at in (((-1.5, 0, 1), (0, 0, 1)), ((-0.3, 0, 0.3), (0, 0, 0))):
+        scene = Scene(Camera(eye, at, (0, 0, 1), 60, 12, 12), objects, [lamp])
+        image = render(scene, integrator, passes=2, options=options).image
+        np.testing.assert_array_equal(image, 0.0)
 
 
 @pytest.mark.parametrize(

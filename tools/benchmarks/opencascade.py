@@ -1,8 +1,7 @@
-"""First hits by OpenCASCADE, the kernel of CAD programs: another implementation to compare with.
+"""First hits by OpenCASCADE, to compare speeds with.
 
-Its ``IntCurvesFace_Intersector`` meets a line with a face numerically, to a tolerance, without a
-proof that it found every root; so where the two differ, exact arithmetic has to decide. Needs the
-package cadquery-ocp-novtk, which the extra ``dev`` brings.
+``IntCurvesFace_Intersector`` meets a line with a face numerically, to a tolerance, and without a proof that
+it found every root. Needs cadquery-ocp-novtk, which the extra ``dev`` brings.
 """
 
 from __future__ import annotations
@@ -41,28 +40,11 @@ FARTHEST = 1e100
 def first_hits(
     surface: NurbsSurface | TrimmedSurface, origins: FloatArray, directions: FloatArray
 ) -> FloatArray:
-    """Return t of the first hits, inf where there is none.
+    """Return t (n,) of the first hits along unit directions, inf where there is none.
 
-    Parameters
-    ----------
-    surface : NurbsSurface, or TrimmedSurface of one
-        Its knot vectors clamped. Of a trimmed surface the first loop is the outline, and the others
-        are holes in it.
-    origins, directions : (n, 3) float64
-        Unit directions.
-
-    Returns
-    -------
-    (n,) float64
-
-    Raises
-    ------
-    TypeError
-        For another kind of surface.
-    ValueError
-        Where OpenCASCADE makes no face of it.
+    Knot vectors are clamped. Of a trimmed surface the first loop is the outline, the others are holes.
     """
-    meet = IntCurvesFace_Intersector(as_face(surface), TOLERANCE)
+    meet = IntCurvesFace_Intersector(_as_face(surface), TOLERANCE)
     t = np.full(len(origins), np.inf)
     # It looks at one ray at a time.
     rays = zip(origins.tolist(), directions.tolist(), strict=True)
@@ -73,13 +55,10 @@ def first_hits(
     return t
 
 
-def as_face(surface: NurbsSurface | TrimmedSurface) -> Any:
-    """Return a NURBS surface, whole or trimmed, as a ``TopoDS_Face``; raise as `first_hits` does."""
+def _as_face(surface: NurbsSurface | TrimmedSurface) -> Any:
+    """Return a NURBS surface, whole or trimmed, as a ``TopoDS_Face``."""
     trimmed = surface if isinstance(surface, TrimmedSurface) else None
-    whole = surface if trimmed is None else trimmed.surface
-    if not isinstance(whole, NurbsSurface):
-        raise TypeError(f"OpenCASCADE compares NurbsSurface, not {type(whole).__name__}")
-    geometry = _as_geometry(whole)
+    geometry = _as_geometry(surface if trimmed is None else trimmed.surface)
     if trimmed is None:
         return BRepBuilderAPI_MakeFace(geometry, TOLERANCE).Face()
     domain = np.array(geometry.Bounds()).reshape(2, 2)
@@ -89,13 +68,11 @@ def as_face(surface: NurbsSurface | TrimmedSurface) -> Any:
     face = BRepBuilderAPI_MakeFace(geometry, wires[0], True)
     for wire in wires[1:]:
         face.Add(wire)
-    if not face.IsDone():
-        raise ValueError(f"OpenCASCADE makes no face of {trimmed!r}: {face.Error()}")
     BRepLib.BuildCurves3d_s(face.Face())
     return face.Face()
 
 
-def _as_geometry(surface: NurbsSurface) -> Any:
+def _as_geometry(surface: Any) -> Any:
     p, q = surface.control.shape[:2]
     points, weights = Array2_gp_Pnt(1, p, 1, q), Array2_double(1, p, 1, q)
     w = np.ones((p, q)) if surface.weights is None else surface.weights
@@ -128,20 +105,18 @@ def _as_wire(geometry: Any, loop: Sequence[Curve2], domain: FloatArray, *, is_ho
             points.SetValue(k + 1, gp_Pnt2d(*place))
         weighted = (points,) if w is None else (points, _reals(w))
         wire.Add(BRepBuilderAPI_MakeEdge(Geom2d_BezierCurve(*weighted), geometry).Edge())
-    if not wire.IsDone():
-        raise ValueError(f"OpenCASCADE makes no wire of {list(loop)!r}: {wire.Error()}")
     return wire.Wire()
 
 
 def _reals(values: FloatArray) -> Any:
-    array = Array1_double(1, len(values))
-    for k, value in enumerate(values.tolist()):
-        array.SetValue(k + 1, value)
-    return array
+    return _listed(Array1_double(1, len(values)), values)
 
 
 def _wholes(values: NDArray[np.int64]) -> Any:
-    array = Array1_int(1, len(values))
+    return _listed(Array1_int(1, len(values)), values)
+
+
+def _listed(array: Any, values: NDArray[Any]) -> Any:
     for k, value in enumerate(values.tolist()):
         array.SetValue(k + 1, value)
     return array
