@@ -215,6 +215,26 @@ def test_a_paraboloid_is_that_of_its_cubic():
     assert (np.abs(found.distance - truth) <= found.bound).all()
 
 
+@pytest.mark.parametrize("is_trimmed", [False, True])
+def test_of_two_minima_in_one_cell_the_nearer_is_found(is_trimmed):
+    """Just above the centre of curvature of the trough z = x^2 / 2 there are two, at x^3 / 2 + x (1 - z) = p_x."""
+    trough = BezierPatches.from_polynomial([[0], [0], [0.5]], (-0.35, 0.65), (-1, 1))
+    points = np.random.default_rng(11).uniform((-1e-3, 0, 0.98), (1e-3, 0, 1.02), (1500, 3))
+    beyond = 0.0
+    if is_trimmed:  # the minima are on a curve
+        trough = TrimmedSurface(trough, [polygon([(0, 0.1), (1, 0.1), (1, 0.9), (0, 0.9)])])
+        points[:, 1], beyond = 1.8, 1.0
+    found = closest_point(trough, points)
+    for (px, _, pz), d, bound in zip(points, found.distance, found.bound, strict=True):
+        roots = np.roots([0.5, 0, 1 - pz, -px])
+        x = np.longdouble(roots[np.abs(roots.imag) < 1e-6].real)
+        for _ in range(3):
+            x -= (x**3 / 2 + x * (1 - pz) - px) / (1.5 * x**2 + 1 - pz)
+        truth = np.sqrt((x - px) ** 2 + (x**2 / 2 - pz) ** 2 + beyond**2).min()
+        assert abs(d - truth) <= bound
+    assert found.bound.max() < 1e-7  # at a centre of curvature itself it is wider than rounding
+
+
 HARD = {
     "centre of a sphere": (Sphere((1, 2, 3), 2), (1, 2, 3), 2, Closeness.SEVERAL),
     "beside it": (Sphere((1, 2, 3), 2), (1, 2, 3.125), 1.875, Closeness.UNIQUE),
