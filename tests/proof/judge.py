@@ -15,15 +15,10 @@ from proof.filters.screen import Screen
 class Judge:
     """Judges hits on a list of surfaces.
 
-    Parameters
-    ----------
-    surfaces : sequence of surfaces, as `Intersector` takes them
-    tangent_every : int
-        Of the rows with TANGENT that the screen does not confirm each so-manyth is judged: no decision
-        of theirs is guaranteed.
-    marks : bool
-        Whether to ask which rows need the mark TANGENT, and which say it without need. Then exact
-        arithmetic judges every row.
+    ``tangent_every``: of the rows with TANGENT that the screen does not confirm each so-manyth is judged:
+    no decision of theirs is guaranteed.
+    ``marks``: whether to ask which rows need the mark TANGENT, and which say it without need. Then exact
+    arithmetic judges every row.
     """
 
     def __init__(
@@ -43,20 +38,10 @@ class Judge:
     ) -> BatchVerdict:
         """Judge the first hits of rays.
 
-        Parameters
-        ----------
-        hits : HitRecord of n rows
-        origins, directions : (n, 3) float64
-        leaves : (n,) integers, optional
-            The objects that the rays leave from; -1 for none.
-        near : float
-            How near the rays come to a singular set, scene units: far ones are not asked whether they
-            need the mark.
-
-        Returns
-        -------
-        BatchVerdict
-            Its worst errors are those of the rows that exact arithmetic was asked about.
+        ``leaves``: the objects that the rays leave from; -1 for none.
+        ``near``: how near the rays come to a singular set, scene units: far ones are not asked whether they
+        need the mark.
+        Worst errors of the verdict are those of the rows that exact arithmetic was asked about.
         """
         unsure = np.ones(len(hits), np.bool_)
         if not self._marks:

@@ -36,10 +36,7 @@ is no reason."""
 class ExactSurface(ABC):
     """All crossings with one surface, in fractions and balls.
 
-    Parameters
-    ----------
-    surface : Surface
-        Of the class that this is ``of``.
+    ``surface``: of the class that this is ``of``.
     """
 
     known: ClassVar[dict[type[Surface], type[ExactSurface]]] = {}
@@ -77,10 +74,7 @@ class ExactSurface(ABC):
 class SurfaceFilter(ABC):
     """What is certain of crossings with one surface.
 
-    Parameters
-    ----------
-    surface : Surface
-        Of the class that the filter is ``of``.
+    ``surface``: of the class that the filter is ``of``.
     """
 
     known: ClassVar[dict[type[Surface], type[SurfaceFilter]]] = {}
@@ -103,19 +97,10 @@ class SurfaceFilter(ABC):
     ) -> FloatArray:
         """Say of each ray what is certain of its first crossing with t > 0.
 
-        Parameters
-        ----------
-        origins, directions : (n, 3) float64
-        leaves : (n,) bool
-            Whether the ray leaves this surface: the crossing at its origin is left out.
-        hit_t : (n,) float64
-            t of hits on this surface; nan for others.
-
-        Returns
-        -------
-        (n, N_COLUMNS) float64
-            See `kernels.first`: whether there is one, t and its radius, hit_t - t and its radius,
-            and from which t on there may be others. Without a kernel nothing is certain.
+        ``leaves``: whether the ray leaves this surface: the crossing at its origin is left out.
+        ``hit_t``: t of hits on this surface; nan for others.
+        Returns what `kernels.first` names: whether there is one, t and its radius, hit_t - t and its radius, and
+        from which t on there may be others. Without a kernel nothing is certain.
         """
         out = np.zeros((len(origins), first.N_COLUMNS))
         if self.kernel is None:

@@ -41,15 +41,9 @@ MOST_OPEN = 0.01
 class Group:
     """Results of one group.
 
-    Attributes
-    ----------
-    sort, name, kind : str
-        One of `SORTS`; a scene or a singular set; one of `KINDS`, or "scene".
-    seed : int
-    count : BatchVerdict
-        Its ``seconds`` are those of the tracer and of the judge.
-    examples : list of (fault, ray)
-        A ray is its batch and row, its origin and direction as hex, and the hit.
+    ``sort``, ``name``, ``kind``: one of `SORTS`; a scene or a singular set; one of `KINDS`, or "scene".
+    ``count``: its ``seconds`` are those of the tracer and of the judge.
+    ``examples``: a ray is its batch and row, its origin and direction as hex, and the hit.
     """
 
     sort: str
@@ -83,14 +77,10 @@ def run(
 ) -> Iterator[Group]:  # fmt: skip
     """Judge n rays of a group; yield it after each batch.
 
-    Parameters
-    ----------
-    tangent_every, marks : int, bool
-        As in `Judge`.
-    coarse, threads
-        As for `Intersector`.
-    distances, placements
-        Of singular sets, which share the rays; ordinary rays are shared by placements as well.
+    ``tangent_every``, ``marks``: as in `Judge`.
+    ``coarse``, ``threads``: as for `Intersector`.
+    ``distances``, ``placements``: of singular sets, which share the rays; ordinary rays are shared by
+    placements as well.
     """
     group = Group(sort, name, _kind_of(sort, name), seed)
     for placement in placements if sort != HARD else ("home",):
@@ -265,10 +255,7 @@ def _batches(tracer: Intersector, sort: str, name: str, n: int, seed: int) -> It
 def added(groups: Sequence[Group]) -> dict[tuple[str, str], BatchVerdict]:
     """Return the sums by sort of rays and kind of surfaces.
 
-    Raises
-    ------
-    ValueError
-        If two groups hold the same rays.
+    Raises ValueError if two groups hold the same rays.
     """
     table: dict[tuple[str, str], BatchVerdict] = {}
     seen = set()

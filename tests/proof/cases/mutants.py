@@ -19,17 +19,10 @@ PACKAGES = ("hybrid_rt", "meshing")
 class Mutant:
     """A change that weakens one proof.
 
-    Attributes
-    ----------
-    name : str
-    where : str
-        Name of a function or a constant at the top of a module, wherever in the packages it is.
-    old, new : str
-        Text that occurs once in its source, and its replacement.
-    weakens : str
-        What is no longer proven.
-    kinds : tuple of str
-        Kinds of singular sets that may detect it (`singular_sets.KINDS`).
+    ``where``: name of a function or a constant at the top of a module, wherever in the packages it is.
+    ``old``, ``new``: text that occurs once in its source, and its replacement.
+    ``weakens``: what is no longer proven.
+    ``kinds``: kinds of singular sets that may detect it (`singular_sets.KINDS`).
     """
 
     name: str
@@ -352,16 +345,8 @@ MUTANTS = (
 def place_of(root: Path, where: str) -> tuple[Path, int, int]:
     """Find the one function or constant of a name at the top of a module of the packages.
 
-    Returns
-    -------
-    file : Path
-    first, last : int
-        Its lines, from 0; the last is not included.
-
-    Raises
-    ------
-    ValueError
-        If there is none, or more than one.
+    ``first`` and ``last`` are its lines, from 0; the last is not included.
+    Raises ValueError if there is none, or more than one.
     """
     found = []
     for package in PACKAGES:
@@ -389,10 +374,7 @@ def _only_one(found: list[tuple[Path, int, int]], where: str) -> tuple[Path, int
 def applied(root: Path, mutant: Mutant) -> tuple[Path, str]:
     """Return the file that a mutant changes, and its new text.
 
-    Raises
-    ------
-    ValueError
-        If the text that it changes is not there once.
+    Raises ValueError if the text that it changes is not there once.
     """
     file, first, last = place_of(root, mutant.where)
     lines = file.read_text("utf-8").splitlines(keepends=True)

@@ -124,18 +124,7 @@ GENERATORS = {
 
 
 def hard_rays(surfaces: Sequence[Any], n: int, seed: int) -> RaySet:
-    """Mix the generators: over 30 % of |cos| below 1e-3, over 10 % aimed at edges and poles.
-
-    Parameters
-    ----------
-    surfaces : sequence of surfaces
-    n : number of rays
-    seed : int
-
-    Returns
-    -------
-    RaySet of n rays, in random order
-    """
+    """Mix the generators: over 30 % of |cos| below 1e-3, over 10 % aimed at edges and poles."""
     counts = [n * share // 100 for share in GENERATORS.values()]
     counts[0] += n - sum(counts)
     sets = [

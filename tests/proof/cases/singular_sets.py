@@ -93,17 +93,10 @@ Aim = Callable[[Targets, float, Random], Aimed]
 class SingularSet:
     """One kind of singular set.
 
-    Attributes
-    ----------
-    kind : str
-        One of `KINDS`.
-    surfaces : callable without arguments
-        All except the first are occluders.
-    find : Finder
-    aim : Aim
-    leaving : str
-        "" for rays that arrive; "beside" for rays that leave hits of such rays any way; "grazing"
-        for rays that leave them at a cosine of the distance.
+    ``kind``: one of `KINDS`.
+    ``surfaces``: all except the first are occluders.
+    ``leaving``: "" for rays that arrive; "beside" for rays that leave hits of such rays any way; "grazing"
+    for rays that leave them at a cosine of the distance.
     """
 
     kind: str

@@ -31,19 +31,11 @@ CERTAIN, DOUBTFUL, UNDECIDED = range(3)
 class Root:
     """A crossing of a ray, or of one beside it.
 
-    Attributes
-    ----------
-    t : float
-        In lengths of the given direction.
-    object_id, patch_id : int
-    cosine : float
-        |n.d| / |d|.
-    band : float
-        64 eps x scale, scene units.
-    kind : int
-        Certain; doubtful, either decision is right; or left open.
-    at_edge : bool
-        Within the band of an edge of its patch.
+    ``t``: in lengths of the given direction.
+    ``cosine``: |n.d| / |d|.
+    ``band``: 64 eps x scale, scene units.
+    ``kind``: certain; doubtful, either decision is right; or left open.
+    ``at_edge``: within the band of an edge of its patch.
     """
 
     t: float
@@ -63,22 +55,13 @@ class Root:
 class Answers:
     """What is right to say of a ray.
 
-    Attributes
-    ----------
-    roots : list of Root
-        In order of t, within the limits.
-    first : Root or None
-        The first certain one.
-    undecided : bool
-        A crossing is left open.
-    left : int
-        Object whose crossing at the origin, the point of departure, was left out; -1 for none.
-    departure : float
-        Up to this t a hit on that object is the point of departure; -inf for none.
-    length : float
-        Of the ray's direction.
-    limits : (float, float)
-        A hit needs a t between them.
+    ``roots``: in order of t, within the limits.
+    ``first``: the first certain one.
+    ``undecided``: a crossing is left open.
+    ``left``: object whose crossing at the origin, the point of departure, was left out; -1 for none.
+    ``departure``: up to this t a hit on that object is the point of departure; -inf for none.
+    ``length``: of the ray's direction.
+    ``limits``: a hit needs a t between them.
     """
 
     roots: list[Root]
@@ -98,20 +81,11 @@ class Answers:
         is right then. The point that the ray leaves is no such point. A miss is right if there is no
         certain crossing.
 
-        Parameters
-        ----------
-        hits : HitRecord
-        i : int
-            Its row.
-        gap : float
-            Distance of S(u, v), (u, v) in its domain, from o + t d, over 64 eps x scale.
-
-        Returns
-        -------
-        kind : str or None
-            "missed", "phantom", "farther", "nearer" or "wrong object"; None where it is right.
-        is_unmarked : bool
-            Whether it is right by a doubtful crossing, or by its point, without status TANGENT.
+        ``gap``: distance of S(u, v), (u, v) in its domain, from o + t d, over 64 eps x scale.
+        The first of both returned is "missed", "phantom", "farther", "nearer" or "wrong object"; None where it is
+        right.
+        The second tells whether it is right by a doubtful crossing, or by its point, without status
+        TANGENT.
         """
         first, length = self.first, self.length
         if self.undecided:
@@ -146,15 +120,9 @@ def answers_to(
 ) -> Answers:
     """Find all crossings of a ray, what is certain of them, and the first.
 
-    Parameters
-    ----------
-    scene : ExactScene
-    origin, direction : (3,) float64
-    leaves : int
-        Object that the ray leaves, -1 for none: the crossing at the origin is left out. Where there
-        are several, up to rounding, all are doubtful.
-    t_min, t_max : float
-        Only crossings between them count; those at a limit, up to the band, are doubtful.
+    ``leaves``: object that the ray leaves, -1 for none: the crossing at the origin is left out. Where there
+    are several, up to rounding, all are doubtful.
+    ``t_min``, ``t_max``: only crossings between them count; those at a limit, up to the band, are doubtful.
     """
     length = norm(direction)
     found, reach = _roots(scene, origin, direction, leaves, length)

@@ -33,23 +33,13 @@ BESIDE_RIM = 1e-3
 class Root:
     """A place where a ray meets the sag, or nearly does.
 
-    Attributes
-    ----------
-    t : ball
-    radius : float
-        Distance from the axis.
-    cosine : float
-        |n.d| / |d|.
-    gap : float
-        Distance of the ray from the surface where it is nearest; 0 of a root.
-    depth : float
-        How far the ray would have to be moved for this root and the next one to be one, or none.
-    beyond : float
-        How far outside the rim t is: its distance from the axis less the rim's radius.
-    from_rim : float
-        How far the ray would have to be moved to meet the rim next to t, to first order.
-    times : int
-        Multiplicity; 0 of a near miss.
+    ``radius``: distance from the axis.
+    ``cosine``: |n.d| / |d|.
+    ``gap``: distance of the ray from the surface where it is nearest; 0 of a root.
+    ``depth``: how far the ray would have to be moved for this root and the next one to be one, or none.
+    ``beyond``: how far outside the rim t is: its distance from the axis less the rim's radius.
+    ``from_rim``: how far the ray would have to be moved to meet the rim next to t, to first order.
+    ``times``: multiplicity; 0 of a near miss.
     """
 
     t: Ball
@@ -63,12 +53,7 @@ class Root:
 
 
 class AsphereRoots:
-    """Finds the roots of rays on one asphere.
-
-    Parameters
-    ----------
-    surface : Asphere
-    """
+    """Finds the roots of rays on one asphere."""
 
     def __init__(self, surface: Any) -> None:
         self.centre = [rational(x) for x in surface.origin]

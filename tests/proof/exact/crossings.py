@@ -35,23 +35,14 @@ POINT, ALONG, OPEN, EITHER = "point", "along", "open", "either"
 class Crossing:
     """One crossing of a ray with a surface.
 
-    Attributes
-    ----------
-    t : ball
-        Holds the exact t, in lengths of the ray's direction.
-    patch_id : int
-    u, v : float
-        Parameters, rounded.
-    cosine : float
-        |n.d| / |d|, rounded; 0 where the normal is lost.
-    kind : str
-        "point"; "either" of a point that may count or not, as at the end of a gap; "along" where the
-        ray lies in the surface from ``t`` to ``t_end``; "open" where
-        exact arithmetic cannot say what lies between ``t`` and ``t_end``.
-    t_end : ball, optional
-    to_edge : float
-        How far the ray would have to be moved for the crossing to leave its patch, to first
-        order; 0 where a parametrisation is singular. Scene units.
+    ``t``: holds the exact t, in lengths of the ray's direction.
+    ``u``, ``v``: parameters, rounded.
+    ``cosine``: |n.d| / |d|, rounded; 0 where the normal is lost.
+    ``kind``: "point"; "either" of a point that may count or not, as at the end of a gap; "along" where the
+    ray lies in the surface from ``t`` to ``t_end``; "open" where exact arithmetic cannot say what lies
+    between ``t`` and ``t_end``.
+    ``to_edge``: how far the ray would have to be moved for the crossing to leave its patch, to first order;
+    0 where a parametrisation is singular. Scene units.
     """
 
     t: Ball

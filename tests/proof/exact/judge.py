@@ -51,46 +51,30 @@ WRONG = ("missed", "phantom", "farther", "nearer", "wrong object", "departure")
 class BatchVerdict:
     """Results of one batch, or of a sum of batches.
 
-    Attributes
-    ----------
-    rays, hits : int
-    wrong : dict of int
-        Rows without TANGENT whose first hit is wrong, outside the band, by kind: a miss where there is
-        a hit, a hit where there is none, one behind the first crossing, one in front of it, the right
-        t on another object, and "departure" for rays that hit the point that they leave.
-    wrong_tangent : int
-        The same for rows with TANGENT.
-    bounds_broken : int
-        Hits with |t - exact t| > t_bound, exact t being the nearest exact crossing. Of rows that say
-        TANGENT, or that only the band makes right, only crossings with the patch that they name count,
-        and only if one ahead is within 64 eps x scale / cos: the exact ray may pass by.
-    off_ray : int
-        HIT rows whose S(u, v) is farther than 64 eps x scale from o + t d.
-    off_ray_tangent : int
-        Hits that say TANGENT and are farther than three times that, and 16 eps x (distance from 0).
-    unmarked : int
-        Rows without TANGENT whose decision is another than the exact ray's (within the band), or
-        changes when the ray is moved by 8 eps x size.
-    tangent, tangent_needlessly : int
-        Rows with TANGENT; those whose decision stands when the ray is moved by four bands.
-    left_open : int
-        Rays that could not be decided.
-    asked : int
-        Rays that a screen did not confirm: exact arithmetic judged these.
-    passed_over : int
-        Rows with TANGENT that neither confirmed nor judged.
-    seconds : float
-        Of whoever adds up.
-    worst_error : float
-        Largest |t - exact t| |d| cos / (eps x scale) of HIT rows, but for those that only the band
-        makes right.
-    worst_bound : float
-        Largest |t - exact t| / t_bound of hits, as above.
-    worst_gap : float
-        Largest distance of S(u, v) from o + t d, over 64 eps x scale; of rows that say TANGENT over what
-        is allowed for these.
-    examples : dict of list of int
-        The first rows of each fault.
+    ``wrong``: rows without TANGENT whose first hit is wrong, outside the band, by kind: a miss where there
+    is a hit, a hit where there is none, one behind the first crossing, one in front of it, the right t on
+    another object, and "departure" for rays that hit the point that they leave.
+    ``wrong_tangent``: the same for rows with TANGENT.
+    ``bounds_broken``: hits with |t - exact t| > t_bound, exact t being the nearest exact crossing. Of rows
+    that say TANGENT, or that only the band makes right, only crossings with the patch that they name count,
+    and only if one ahead is within 64 eps x scale / cos: the exact ray may pass by.
+    ``off_ray``: HIT rows whose S(u, v) is farther than 64 eps x scale from o + t d.
+    ``off_ray_tangent``: hits that say TANGENT and are farther than three times that, and 16 eps x (distance
+    from 0).
+    ``unmarked``: rows without TANGENT whose decision is another than the exact ray's (within the band), or
+    changes when the ray is moved by 8 eps x size.
+    ``tangent``, ``tangent_needlessly``: rows with TANGENT; those whose decision stands when the ray is
+    moved by four bands.
+    ``left_open``: rays that could not be decided.
+    ``asked``: rays that a screen did not confirm: exact arithmetic judged these.
+    ``passed_over``: rows with TANGENT that neither confirmed nor judged.
+    ``seconds``: of whoever adds up.
+    ``worst_error``: largest |t - exact t| |d| cos / (eps x scale) of HIT rows, but for those that only the
+    band makes right.
+    ``worst_bound``: largest |t - exact t| / t_bound of hits, as above.
+    ``worst_gap``: largest distance of S(u, v) from o + t d, over 64 eps x scale; of rows that say TANGENT
+    over what is allowed for these.
+    ``examples``: the first rows of each fault.
     """
 
     rays: int = 0
@@ -149,12 +133,7 @@ class BatchVerdict:
 
 
 class ExactJudge:
-    """Judges hits on a list of surfaces.
-
-    Parameters
-    ----------
-    surfaces : sequence of surfaces, as `Intersector` takes them
-    """
+    """Judges hits on a list of surfaces."""
 
     def __init__(self, surfaces: Sequence[Any]) -> None:
         self.scene = ExactScene(surfaces)
@@ -174,17 +153,10 @@ class ExactJudge:
     ) -> BatchVerdict:
         """Judge the first hits of rays.
 
-        Parameters
-        ----------
-        hits : HitRecord of n rows
-        origins, directions : (n, 3) float64
-        distance : (n,) float64, optional
-            How near the rays come to a singular set, scene units; far ones are not asked whether
-            they need the mark. Default: 0.
-        leaves : (n,) integers, optional
-            The objects that the rays leave from; -1 for none.
-        marks : bool
-            Whether to ask which rows need status TANGENT: that takes most of the time.
+        ``distance``: how near the rays come to a singular set, scene units; far ones are not asked whether
+        they need the mark. Default: 0.
+        ``leaves``: the objects that the rays leave from; -1 for none.
+        ``marks``: whether to ask which rows need status TANGENT: that takes most of the time.
         """
         verdict = BatchVerdict(rays=len(hits), hits=int(hits.hit.sum()))
         near = np.zeros(len(hits)) if distance is None else distance
@@ -393,10 +365,7 @@ class ExactJudge:
     ) -> None:
         """Hold a hit's t against its bound, and its point against the ray.
 
-        Parameters
-        ----------
-        is_near : bool
-            Whether only crossings with its own patch count, and only if one ahead is near by.
+        ``is_near``: whether only crossings with its own patch count, and only if one ahead is near by.
         """
         number, t = int(hits.object_id[i]), float(hits.t[i])
         points = POINT, EITHER

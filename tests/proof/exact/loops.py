@@ -24,12 +24,8 @@ DEEPEST = 300
 class ExactLoops:
     """Winding numbers of loops, exactly.
 
-    Parameters
-    ----------
-    loops : iterable of iterables of Curve2
-        Closed: each curve begins where the one before ends.
-    closes : two bool
-        Whether loops count once for every whole turn by which u can be moved, and v.
+    ``loops`` are closed: each curve begins where the one before ends.
+    ``closes``: whether loops count once for every whole turn by which u can be moved, and v.
     """
 
     def __init__(
@@ -46,10 +42,7 @@ class ExactLoops:
     def is_inside(self, u: Any, v: Any) -> bool | None:
         """Tell whether the loops go around a point an odd number of times; None: it is on a curve.
 
-        Parameters
-        ----------
-        u, v : float or Fraction
-            Taken as they are.
+        ``u``, ``v``: taken as they are.
         """
         total = 0
         for turn, rise in self._turns:

@@ -57,20 +57,10 @@ MOST_LEFT, MAY_TURN = 256, 0.115
 class Net:
     """One patch: its control points and weights as fractions.
 
-    Parameters
-    ----------
-    number : int
-        That of the patch.
-    net, rest : (m + 1, n + 1, 3) float64
-        Control points are the sums of both.
-    weights : (m + 1, n + 1) float64
-
-    Attributes
-    ----------
-    columns : list of four matrices of fractions
-        The Bernstein coefficients of W S_x, W S_y, W S_z, and W.
-    low, high : (3,) float64
-        Corners of the box of the control points.
+    ``number``: that of the patch.
+    ``net``, ``rest``: control points are the sums of both.
+    ``columns``: the Bernstein coefficients of W S_x, W S_y, W S_z, and W.
+    ``low``, ``high``: corners of the box of the control points.
     """
 
     def __init__(self, number: int, net: FloatArray, rest: FloatArray, weights: FloatArray) -> None:

@@ -30,17 +30,10 @@ ROUNDING = 2.0**-50
 class SampledTouches:
     """Tests whether a ray nearly touches a surface, by samples of it.
 
-    Parameters
-    ----------
-    local : Surface
-        The surface, moved so that ``middle`` is the origin.
-    middle : (3,) float64
-    samples : int
-        Along each parameter of a piece.
-    wraps : bool
-        Whether u = 0 and u = 1 coincide.
-    ends : bool
-        Whether the surface ends at u = 0 and u = 1: to pass such an end is a touch from any side.
+    ``local``: the surface, moved so that ``middle`` is the origin.
+    ``samples``: along each parameter of a piece.
+    ``wraps``: whether u = 0 and u = 1 coincide.
+    ``ends``: whether the surface ends at u = 0 and u = 1: to pass such an end is a touch from any side.
     """
 
     def __init__(

@@ -37,13 +37,7 @@ SURELY_ROUNDED = 3.0
 class Placed:
     """A crossing with its object.
 
-    Attributes
-    ----------
-    object_id : int
-    crossing : Crossing
-    t : float
-    band : float
-        64 eps x scale of the object and ray, scene units.
+    ``band``: 64 eps x scale of the object and ray, scene units.
     """
 
     object_id: int
@@ -60,14 +54,7 @@ class Placed:
 class ExactScene:
     """All crossings of rays with a list of surfaces.
 
-    Parameters
-    ----------
-    surfaces : sequence of surfaces, as `Intersector` takes them
-
-    Raises
-    ------
-    TypeError
-        For a surface that is not known.
+    Raises TypeError for a surface that is not known.
     """
 
     def __init__(self, surfaces: Sequence[Any]) -> None:

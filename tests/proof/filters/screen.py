@@ -24,14 +24,7 @@ NEAR = 0.5
 class Screen:
     """Filters of a list of surfaces.
 
-    Parameters
-    ----------
-    surfaces : sequence of surfaces, as `Intersector` takes them
-
-    Raises
-    ------
-    TypeError
-        For a surface without a filter.
+    Raises TypeError for a surface without a filter.
     """
 
     def __init__(self, surfaces: Sequence[Any]) -> None:
@@ -47,12 +40,7 @@ class Screen:
     ) -> BoolArray:
         """Tell which rows are certainly right, (n,) bool.
 
-        Parameters
-        ----------
-        hits : HitRecord of n rows
-        origins, directions : (n, 3) float64
-        leaves : (n,) integers, optional
-            The objects that the rays leave from; -1 for none.
+        ``leaves``: the objects that the rays leave from; -1 for none.
         """
         n = len(hits)
         origins, directions = np.ascontiguousarray(origins), np.ascontiguousarray(directions)

@@ -32,15 +32,9 @@ RAYS_AT_ONCE = 2**16
 class Bench:
     """A diffuse square floor under a small square light, with dielectrics between them.
 
-    Attributes
-    ----------
-    spheres : tuple of (x, y, z, radius)
-    slabs : tuple of (x0, y0, z0, x1, y1, z1)
-    lamp_height, lamp_side, radiance : float
-        The light is horizontal, centred above the floor, and emits downward.
-    half, albedo : float
-        The floor is [-half, half]^2 at z = 0.
-    ior : float
+    ``lamp_height``, ``lamp_side``, ``radiance``: the light is horizontal, centred above the floor, and
+    emits downward.
+    ``half``, ``albedo``: the floor is [-half, half]^2 at z = 0.
     """
 
     spheres: tuple[tuple[float, ...], ...] = ((0.0, 0.0, 0.9, 0.6),)

@@ -202,10 +202,7 @@ def surface_case(draws: Draws, mixed: bool) -> list[Case]:
 def build(case: Case) -> Any:
     """Make the surface that a case describes.
 
-    Raises
-    ------
-    ValueError, TypeError
-        As the surface's own class does.
+    Raises ValueError, TypeError as the surface's own class does.
     """
     name = case["class"]
     surface: Any

@@ -87,10 +87,8 @@ def traced(
     Both stages must give the same bits, no search may be given up (without ``may_give_up``), work
     is bounded, and normals are unit vectors.
 
-    Parameters
-    ----------
-    tracers : sequence of Intersector, optional
-        One for each of ``ways``, made for these surfaces before; their counts of pieces begin anew.
+    ``tracers``: one for each of ``ways``, made for these surfaces before; their counts of pieces begin
+    anew.
     """
     records, outcome = [], Outcome()
     for k, coarse in enumerate(ways):
@@ -152,11 +150,8 @@ def judged(
 def verdict_outcome(verdict: BatchVerdict, marks: bool = True) -> Outcome:
     """Return the outcome of a verdict by exact crossings.
 
-    Parameters
-    ----------
-    marks : bool
-        Whether TANGENT counts as needless if no moved ray has another first hit. Features thinner than the
-        spacing of the moved rays escape that test.
+    ``marks``: whether TANGENT counts as needless if no moved ray has another first hit. Features thinner
+    than the spacing of the moved rays escape that test.
     """
     outcome = Outcome(
         rays=verdict.rays, wrong=verdict.n_wrong, error=verdict.worst_error / 64.0,
@@ -190,10 +185,7 @@ def by_times(
 ) -> Outcome:
     """Trace rays and compare with first hits in closed form, inf for a miss.
 
-    Parameters
-    ----------
-    most_error : float, optional
-        As in a `Case` of the catalogue.
+    ``most_error``: as in a `Case` of the catalogue.
     """
     hits, outcome = traced(surfaces, origins, directions, **options)
     largest = np.abs(directions).max(axis=1)  # squares of 1e300 overflow

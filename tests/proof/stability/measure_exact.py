@@ -150,17 +150,10 @@ def by_set(
 ) -> Outcome:
     """Judge rays of a singular set by exact crossings at several distances; adds a curve.
 
-    Parameters
-    ----------
-    name : str, one of `SETS`
-    rays : int
-        At each distance, in a full run.
-    against : str
-        What the distance is.
-    marks : bool
-        As in `verdict_outcome`.
-    from_afar : bool
-        Whether all rays begin at least a third of the size away.
+    ``rays``: at each distance, in a full run.
+    ``against``: what the distance is.
+    ``marks``: as in `verdict_outcome`.
+    ``from_afar``: whether all rays begin at least a third of the size away.
     """
     surfaces = placed_surfaces(name, placement)
     size = size_of(surfaces[0])
