@@ -16,8 +16,11 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.distance.kernels.table import (
     BEZIER,
     CIRCLE,
+    DEGREE_U,
+    DEGREE_V,
     ERROR,
     FRAME,
+    IS_TURNED,
     PROFILE,
     SAG,
     SHEET_NUMBERS,
@@ -41,6 +44,8 @@ PER_DEGREE, BESIDES = 8.0, 40.0
 # Of curves in (u, v) that are within this of the border of a surface the border is looked at, too.
 NEAR_BORDER = 1e-9
 HALVINGS = 60
+# Of turned sheets |S_u| + |S_v| is below this, where that of patches is below the sum of the degrees.
+TURNS_STEEP = 8.0
 # Sheets whose normals agree so well at so many points of a common border have no crease there.
 SMOOTH, SAMPLED = 1e-9, 40
 
@@ -252,8 +257,15 @@ def _add_trimmed(surface: TrimmedSurface, sheets: Sheets, owner: Owner) -> None:
 def add_edges(sheets: Sheets, trims: TrimTable) -> None:
     """Add the curves that end trimmed surfaces; ``trims`` is the table of their loops, in order."""
     begin = 0
-    for (surface, first), (*_, count) in zip(sheets.trimmed, trims.member.tolist(), strict=True):
+    members = zip(trims.member.tolist(), trims.error.tolist(), strict=True)
+    for (surface, first), ((*_, count), error) in zip(sheets.trimmed, members, strict=True):
         spans = np.array(sheets.number[first : first + len(surface)])[:, SPAN : SPAN + 4]
+        for number, whole in zip(
+            sheets.number[first:], sheets.whole[first : first + len(surface)], strict=False
+        ):
+            # What rounding of a curve in (u, v), half of that number, is in space: |S_u| + |S_v| is below this.
+            steep = TURNS_STEEP if whole[IS_TURNED] else whole[DEGREE_U] + whole[DEGREE_V]
+            number[ERROR] += 0.5 * error * steep
         part, starts = slice(begin, begin + count), dict[int, int]()
         begin += count
         for (at, degree), row in zip(

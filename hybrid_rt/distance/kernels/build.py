@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from hybrid_rt.distance.kernels import table as tb
 from hybrid_rt.distance.kernels.evaluate import (
     CURVE_POINT,
     POINT,
@@ -19,40 +20,6 @@ from hybrid_rt.distance.kernels.evaluate import (
     edge_at,
     profile_at,
     sheet_at,
-)
-from hybrid_rt.distance.kernels.table import (
-    ALONG_U,
-    ALONG_V,
-    ARC,
-    AZIMUTH,
-    BOUNDS,
-    BOX,
-    CHECKED,
-    CIRCLE,
-    CUT,
-    DEGREE,
-    DEGREE_U,
-    DEGREE_V,
-    EDGE,
-    FORM,
-    FRAME,
-    IS_TURNED,
-    KIND,
-    LOOPS,
-    MIDDLE,
-    NET,
-    OFF,
-    PATCH,
-    PROFILE,
-    SAG,
-    SHEET,
-    SPAN,
-    STATE,
-    TRIANGLE,
-    TUBE,
-    TURN,
-    TURNED,
-    WHOLE,
 )
 from meshing.kernels.jit import inner, kernel
 from meshing.kernels.trims import classify
@@ -152,29 +119,29 @@ def bounds_of_profile(shapes, k, v0, v1, net, bounds):
     """Fill bounds[:4] on (Z, R) about its middle and three derivatives over part of a profile; return R's most."""
     number, whole = shapes.sheet, shapes.sheet_id
     half = 0.5 * (v1 - v0)
-    form = whole[k, FORM]
-    if form == CIRCLE:
-        r = number[k, PROFILE + 2]
-        turn = abs(number[k, PROFILE + 4] - number[k, PROFILE + 3]) * half
+    form = whole[k, tb.FORM]
+    if form == tb.CIRCLE:
+        r = number[k, tb.PROFILE + 2]
+        turn = abs(number[k, tb.PROFILE + 4] - number[k, tb.PROFILE + 3]) * half
         bounds[0], bounds[1] = r * turn, r * turn
         bounds[2], bounds[3] = r * turn * turn, r * turn**3
-        way = number[k, PROFILE + 4] - number[k, PROFILE + 3]
-        middle = np.cos(number[k, PROFILE + 3] + 0.5 * (v0 + v1) * way)
-        return number[k, PROFILE + 1] + r * min(middle + turn, 1.0)
-    if form == SAG:
-        reach = number[k, PROFILE]
-        far = reach * (1.0 - v0) if number[k, PROFILE + 4] < 0.0 else reach * v1
+        way = number[k, tb.PROFILE + 4] - number[k, tb.PROFILE + 3]
+        middle = np.cos(number[k, tb.PROFILE + 3] + 0.5 * (v0 + v1) * way)
+        return number[k, tb.PROFILE + 1] + r * min(middle + turn, 1.0)
+    if form == tb.SAG:
+        reach = number[k, tb.PROFILE]
+        far = reach * (1.0 - v0) if number[k, tb.PROFILE + 4] < 0.0 else reach * v1
         w = far * far
         # Of the conic's part all derivatives grow with w; of the polynomial terms their sizes.
-        curvature, under_root = abs(number[k, PROFILE + 1]), number[k, PROFILE + 2]
+        curvature, under_root = abs(number[k, tb.PROFILE + 1]), number[k, tb.PROFILE + 2]
         root = np.sqrt(1.0 - under_root * w) if under_root > 0.0 else 1.0
         z1 = 0.5 * curvature / root
         z2 = 0.5 * z1 * abs(under_root) / root**2
         z3 = 1.5 * z2 * abs(under_root) / root**2
-        centre = number[k, PROFILE + 3]
+        centre = number[k, tb.PROFILE + 3]
         q, power = max(centre, abs(w - centre)), 1.0
-        for j in range(1, whole[k, DEGREE_V] + 1):
-            a = abs(shapes.net[whole[k, NET] + j, 0])
+        for j in range(1, whole[k, tb.DEGREE_V] + 1):
+            a = abs(shapes.net[whole[k, tb.NET] + j, 0])
             z1 += j * a * power
             if j > 1:
                 z2 += j * (j - 1) * a * power / q
@@ -187,7 +154,7 @@ def bounds_of_profile(shapes, k, v0, v1, net, bounds):
         bounds[3] = WIDENED * h**3 * (12.0 * far * z2 + 8.0 * far * w * z3)
         bounds[0] = bounds[1]
         return far
-    n, start = whole[k, DEGREE_V], whole[k, NET]
+    n, start = whole[k, tb.DEGREE_V], whole[k, tb.NET]
     most = 0.0
     for i in range(n + 1):
         for c in range(4):
@@ -204,15 +171,15 @@ def bounds_of_profile(shapes, k, v0, v1, net, bounds):
 def bounds_of_sheet(shapes, k, u0, u1, v0, v1, net, bounds):
     """Fill bounds (10,) on derivatives of a sheet over part of it."""
     whole = shapes.sheet_id
-    if whole[k, IS_TURNED]:
+    if whole[k, tb.IS_TURNED]:
         most = bounds_of_profile(shapes, k, v0, v1, net, bounds)
-        turn = 0.5 * (u1 - u0) * abs(shapes.sheet[k, TURN + 1] - shapes.sheet[k, TURN])
+        turn = 0.5 * (u1 - u0) * abs(shapes.sheet[k, tb.TURN + 1] - shapes.sheet[k, tb.TURN])
         p1, p2, p3 = bounds[1], bounds[2], bounds[3]
         bounds[1], bounds[2] = most * turn, p1
         bounds[3], bounds[4], bounds[5] = most * turn * turn, p1 * turn, p2
         bounds[6], bounds[7], bounds[8], bounds[9] = most * turn**3, p1 * turn**2, p2 * turn, p3
         return
-    m, n, start = whole[k, DEGREE_U], whole[k, DEGREE_V], whole[k, NET]
+    m, n, start = whole[k, tb.DEGREE_U], whole[k, tb.DEGREE_V], whole[k, tb.NET]
     for i in range((m + 1) * (n + 1)):
         for c in range(4):
             net[i, c] = shapes.net[start + i, c]
@@ -226,20 +193,20 @@ def bounds_of_sheet(shapes, k, u0, u1, v0, v1, net, bounds):
 @inner
 def side_of_part(shapes, trims, k, u0, u1, v0, v1):
     """Tell on which side of the loops a part of a sheet is; `CUT` + 1: outside."""
-    member = shapes.sheet_id[k, LOOPS]
+    member = shapes.sheet_id[k, tb.LOOPS]
     if member < 0:
-        return WHOLE
+        return tb.WHOLE
     number = shapes.sheet
-    a, b = number[k, SPAN], number[k, SPAN + 1] - number[k, SPAN]
-    c, d = number[k, SPAN + 2], number[k, SPAN + 3] - number[k, SPAN + 2]
+    a, b = number[k, tb.SPAN], number[k, tb.SPAN + 1] - number[k, tb.SPAN]
+    c, d = number[k, tb.SPAN + 2], number[k, tb.SPAN + 3] - number[k, tb.SPAN + 2]
     # Some roundings more.
     du, dv = 0.5000005 * (u1 - u0) * b, 0.5000005 * (v1 - v0) * d
     is_inside, may_be_near = classify(
         trims, member, a + 0.5 * (u0 + u1) * b, c + 0.5 * (v0 + v1) * d, du, dv
     )
     if may_be_near:
-        return CUT
-    return WHOLE if is_inside else CUT + 1
+        return tb.CUT
+    return tb.WHOLE if is_inside else tb.CUT + 1
 
 
 @inner
@@ -270,7 +237,7 @@ def _begin_cell(cell, cell_id, row, kind, k, state):
         cell[row, c] = 0.0
     for c in range(cell_id.shape[1]):
         cell_id[row, c] = 0
-    cell_id[row, KIND], cell_id[row, SHEET], cell_id[row, STATE] = kind, k, state
+    cell_id[row, tb.KIND], cell_id[row, tb.SHEET], cell_id[row, tb.STATE] = kind, k, state
 
 
 @kernel(allocates=True)
@@ -284,9 +251,9 @@ def cells_of_sheets(shapes, trims, is_left_out, cell, cell_id):
     for k in range(whole.shape[0]):
         if is_left_out[k]:
             continue
-        is_turned, form = whole[k, IS_TURNED] != 0, whole[k, FORM]
-        share = (number[k, SPAN + 1] - number[k, SPAN]) * (
-            number[k, SPAN + 3] - number[k, SPAN + 2]
+        is_turned, form = whole[k, tb.IS_TURNED] != 0, whole[k, tb.FORM]
+        share = (number[k, tb.SPAN + 1] - number[k, tb.SPAN]) * (
+            number[k, tb.SPAN + 3] - number[k, tb.SPAN + 2]
         )
         stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0.0, 1.0, 0.0, 1.0
         depth[0], top = 0, 1
@@ -296,19 +263,19 @@ def cells_of_sheets(shapes, trims, is_left_out, cell, cell_id):
             u0, u1, v0, v1 = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
             level = depth[top]
             state = side_of_part(shapes, trims, k, u0, u1, v0, v1)
-            if state > CUT:
+            if state > tb.CUT:
                 continue
             hu, hv = 0.5 * (u1 - u0), 0.5 * (v1 - v0)
             u, v = u0 + hu, v0 + hv
-            is_large = state == CUT and 4.0 * hu * hv * share > CUT_PART
+            is_large = state == tb.CUT and 4.0 * hu * hv * share > CUT_PART
             halves, along_u = False, True
             if is_turned:
                 most = bounds_of_profile(shapes, k, v0, v1, net, bounds)
                 profile_at(shapes, k, v, work)
-                turn = 2.0 * hu * abs(number[k, TURN + 1] - number[k, TURN])
+                turn = 2.0 * hu * abs(number[k, tb.TURN + 1] - number[k, tb.TURN])
                 bends = bounds[2] > BENDING * length_at(work, PROFILE_POINT + 1, hv)
-                if form == CIRCLE:
-                    tube = 2.0 * hv * abs(number[k, PROFILE + 4] - number[k, PROFILE + 3])
+                if form == tb.CIRCLE:
+                    tube = 2.0 * hv * abs(number[k, tb.PROFILE + 4] - number[k, tb.PROFILE + 3])
                     bends = tube > 2.1 * np.pi / PARTS_OF_TURN
                 if turn > 2.1 * np.pi / PARTS_OF_TURN:
                     halves = True
@@ -361,29 +328,29 @@ def cells_of_sheets(shapes, trims, is_left_out, cell, cell_id):
                 top += 2
                 continue
             if count < cell.shape[0]:
-                _begin_cell(cell, cell_id, count, TURNED if is_turned else PATCH, k, state)
+                _begin_cell(cell, cell_id, count, tb.TURNED if is_turned else tb.PATCH, k, state)
                 for c in range(4):
-                    cell[count, BOX + c] = (u0, u1, v0, v1)[c]
+                    cell[count, tb.BOX + c] = (u0, u1, v0, v1)[c]
                 if is_turned:
-                    write_vector(cell, count, MIDDLE, work, PROFILE_POINT, 1.0)
-                    write_vector(cell, count, ALONG_U, work, PROFILE_POINT + 1, hv)
-                    cell[count, OFF] = 0.5 * bounds[2]
+                    write_vector(cell, count, tb.MIDDLE, work, PROFILE_POINT, 1.0)
+                    write_vector(cell, count, tb.ALONG_U, work, PROFILE_POINT + 1, hv)
+                    cell[count, tb.OFF] = 0.5 * bounds[2]
                     for c in range(3):
-                        cell[count, BOUNDS + c] = bounds[1 + c]
-                    way = number[k, TURN + 1] - number[k, TURN]
-                    a = number[k, TURN]
-                    write_directions(cell, count, AZIMUTH, a + u0 * way, a + u1 * way)
-                    if form == CIRCLE:
-                        way = number[k, PROFILE + 4] - number[k, PROFILE + 3]
-                        a = number[k, PROFILE + 3]
-                        write_directions(cell, count, TUBE, a + v0 * way, a + v1 * way)
+                        cell[count, tb.BOUNDS + c] = bounds[1 + c]
+                    way = number[k, tb.TURN + 1] - number[k, tb.TURN]
+                    a = number[k, tb.TURN]
+                    write_directions(cell, count, tb.AZIMUTH, a + u0 * way, a + u1 * way)
+                    if form == tb.CIRCLE:
+                        way = number[k, tb.PROFILE + 4] - number[k, tb.PROFILE + 3]
+                        a = number[k, tb.PROFILE + 3]
+                        write_directions(cell, count, tb.TUBE, a + v0 * way, a + v1 * way)
                 else:
-                    write_vector(cell, count, MIDDLE, work, POINT, 1.0)
-                    write_vector(cell, count, ALONG_U, work, POINT + 1, hu)
-                    write_vector(cell, count, ALONG_V, work, POINT + 2, hv)
-                    cell[count, OFF] = 0.5 * bounds[3] + bounds[4] + 0.5 * bounds[5]
+                    write_vector(cell, count, tb.MIDDLE, work, POINT, 1.0)
+                    write_vector(cell, count, tb.ALONG_U, work, POINT + 1, hu)
+                    write_vector(cell, count, tb.ALONG_V, work, POINT + 2, hv)
+                    cell[count, tb.OFF] = 0.5 * bounds[3] + bounds[4] + 0.5 * bounds[5]
                     for c in range(9):
-                        cell[count, BOUNDS + c] = bounds[1 + c]
+                        cell[count, tb.BOUNDS + c] = bounds[1 + c]
             count += 1
     return count
 
@@ -414,11 +381,11 @@ def cells_of_edges(shapes, edge, edge_id, cell, cell_id):
             low_u = low_v = np.inf
             high_u = high_v = -np.inf
             for i in range(n + 1):
-                u = (net[i, 0] / net[i, 3] - number[k, SPAN]) / (
-                    number[k, SPAN + 1] - number[k, SPAN]
+                u = (net[i, 0] / net[i, 3] - number[k, tb.SPAN]) / (
+                    number[k, tb.SPAN + 1] - number[k, tb.SPAN]
                 )
-                v = (net[i, 1] / net[i, 3] - number[k, SPAN + 2]) / (
-                    number[k, SPAN + 3] - number[k, SPAN + 2]
+                v = (net[i, 1] / net[i, 3] - number[k, tb.SPAN + 2]) / (
+                    number[k, tb.SPAN + 3] - number[k, tb.SPAN + 2]
                 )
                 # Each as a curve of its own, about the sheet.
                 net[i, 0], net[i, 1] = u * net[i, 3], v * net[i, 3]
@@ -454,15 +421,15 @@ def cells_of_edges(shapes, edge, edge_id, cell, cell_id):
                 top += 2
                 continue
             if count < cell.shape[0]:
-                _begin_cell(cell, cell_id, count, EDGE, k, CUT if checked else WHOLE)
-                cell_id[count, ARC], cell_id[count, DEGREE] = start, n
-                cell_id[count, CHECKED] = checked
-                cell[count, BOX], cell[count, BOX + 1] = a, b
-                write_vector(cell, count, MIDDLE, work, CURVE_POINT, 1.0)
-                write_vector(cell, count, ALONG_U, work, CURVE_POINT + 1, half)
-                cell[count, OFF] = 0.5 * c2
+                _begin_cell(cell, cell_id, count, tb.EDGE, k, tb.CUT if checked else tb.WHOLE)
+                cell_id[count, tb.ARC], cell_id[count, tb.DEGREE] = start, n
+                cell_id[count, tb.CHECKED] = checked
+                cell[count, tb.BOX], cell[count, tb.BOX + 1] = a, b
+                write_vector(cell, count, tb.MIDDLE, work, CURVE_POINT, 1.0)
+                write_vector(cell, count, tb.ALONG_U, work, CURVE_POINT + 1, half)
+                cell[count, tb.OFF] = 0.5 * c2
                 for c in range(3):
-                    cell[count, BOUNDS + c] = (c1, c2, c3)[c]
+                    cell[count, tb.BOUNDS + c] = (c1, c2, c3)[c]
             count += 1
     return count
 
@@ -472,31 +439,31 @@ def boxes_of_cells(shapes, cell, cell_id, lower, upper):
     """Fill the boxes of cells."""
     number = shapes.sheet
     for row in range(cell.shape[0]):
-        kind, k = cell_id[row, KIND], cell_id[row, SHEET]
+        kind, k = cell_id[row, tb.KIND], cell_id[row, tb.SHEET]
         for axis in range(3):
-            a, b = cell[row, ALONG_U + axis], cell[row, ALONG_V + axis]
-            m = cell[row, MIDDLE + axis]
-            if kind == TURNED:
+            a, b = cell[row, tb.ALONG_U + axis], cell[row, tb.ALONG_V + axis]
+            m = cell[row, tb.MIDDLE + axis]
+            if kind == tb.TURNED:
                 # The cone about the profile's chord: its corners, and where tangents of its circles meet.
-                c0, s0 = cell[row, AZIMUTH], cell[row, AZIMUTH + 1]
-                c1, s1 = cell[row, AZIMUTH + 2], cell[row, AZIMUTH + 3]
+                c0, s0 = cell[row, tb.AZIMUTH], cell[row, tb.AZIMUTH + 1]
+                c1, s1 = cell[row, tb.AZIMUTH + 2], cell[row, tb.AZIMUTH + 3]
                 to = 1.0 / max(1.0 + c0 * c1 + s0 * s1, 0.5)
-                x, y = number[k, FRAME + 3 + axis], number[k, FRAME + 6 + axis]
+                x, y = number[k, tb.FRAME + 3 + axis], number[k, tb.FRAME + 6 + axis]
                 low, high = np.inf, -np.inf
                 for end in range(2):
                     sign = 2.0 * end - 1.0
-                    z, r = cell[row, MIDDLE], cell[row, MIDDLE + 1]
-                    z, r = z + sign * cell[row, ALONG_U], r + sign * cell[row, ALONG_U + 1]
-                    z = number[k, FRAME + axis] + z * number[k, FRAME + 9 + axis]
+                    z, r = cell[row, tb.MIDDLE], cell[row, tb.MIDDLE + 1]
+                    z, r = z + sign * cell[row, tb.ALONG_U], r + sign * cell[row, tb.ALONG_U + 1]
+                    z = number[k, tb.FRAME + axis] + z * number[k, tb.FRAME + 9 + axis]
                     r = max(r, 0.0)
                     for c, s in ((c0, s0), (c1, s1), (to * (c0 + c1), to * (s0 + s1))):
                         at = z + r * (c * x + s * y)
                         low, high = min(low, at), max(high, at)
                 # Within OFF of the chord, along and across.
-                off = 2.0 * cell[row, OFF]
+                off = 2.0 * cell[row, tb.OFF]
                 lower[row, axis], upper[row, axis] = low - off, high + off
-            elif kind == TRIANGLE:
+            elif kind == tb.TRIANGLE:
                 lower[row, axis], upper[row, axis] = m + min(0.0, a, b), m + max(0.0, a, b)
             else:
-                reach = abs(a) + abs(b) + cell[row, OFF]
+                reach = abs(a) + abs(b) + cell[row, tb.OFF]
                 lower[row, axis], upper[row, axis] = m - reach, m + reach

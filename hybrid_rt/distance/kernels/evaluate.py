@@ -2,20 +2,7 @@
 
 import numpy as np
 
-from hybrid_rt.distance.kernels.table import (
-    CIRCLE,
-    DEGREE_U,
-    DEGREE_V,
-    FORM,
-    FRAME,
-    IS_TURNED,
-    NET,
-    PROFILE,
-    RATIONAL,
-    SAG,
-    SPAN,
-    TURN,
-)
+from hybrid_rt.distance.kernels import table as tb
 from meshing.kernels.jit import inner
 
 # Rows of scratch: Bernstein polynomials and two derivatives in u and in v; a point and its derivatives (six of a
@@ -117,12 +104,12 @@ def patch_at(net, start, m, n, rational, u, v, work):
 @inner
 def sag_at(net, start, n, k, number, w):
     """Return z, dz/dw and d2z/dw2 of a sag; its polynomial about a centre has n + 1 coefficients."""
-    curvature, under_root = number[k, PROFILE + 1], number[k, PROFILE + 2]
+    curvature, under_root = number[k, tb.PROFILE + 1], number[k, tb.PROFILE + 2]
     root = np.sqrt(max(1.0 - under_root * w, 0.0))
     rate = 0.5 * curvature / root
     bend = 0.5 * rate * under_root / (root * root)
     a = b = e = 0.0
-    q = w - number[k, PROFILE + 3]
+    q = w - number[k, tb.PROFILE + 3]
     for j in range(n, -1, -1):
         e = e * q + b
         b = b * q + a
@@ -134,25 +121,25 @@ def sag_at(net, start, n, k, number, w):
 def profile_at(shapes, k, v, work):
     """Fill three rows with (Z, R) of a turned sheet at v, and two derivatives."""
     number, p = shapes.sheet, PROFILE_POINT
-    form, start = shapes.sheet_id[k, FORM], shapes.sheet_id[k, NET]
-    if form == CIRCLE:
+    form, start = shapes.sheet_id[k, tb.FORM], shapes.sheet_id[k, tb.NET]
+    if form == tb.CIRCLE:
         # Z + r sin b, R + r cos b, b from one angle to another
-        way = number[k, PROFILE + 4] - number[k, PROFILE + 3]
-        b, r = number[k, PROFILE + 3] + v * way, number[k, PROFILE + 2]
+        way = number[k, tb.PROFILE + 4] - number[k, tb.PROFILE + 3]
+        b, r = number[k, tb.PROFILE + 3] + v * way, number[k, tb.PROFILE + 2]
         c, s = r * np.cos(b), r * np.sin(b)
-        work[p, 0], work[p, 1] = number[k, PROFILE] + s, number[k, PROFILE + 1] + c
+        work[p, 0], work[p, 1] = number[k, tb.PROFILE] + s, number[k, tb.PROFILE + 1] + c
         work[p + 1, 0], work[p + 1, 1] = way * c, -way * s
         work[p + 2, 0], work[p + 2, 1] = -way * way * s, -way * way * c
-    elif form == SAG:
-        half = number[k, PROFILE]
-        way = -half if number[k, PROFILE + 4] < 0.0 else half
+    elif form == tb.SAG:
+        half = number[k, tb.PROFILE]
+        way = -half if number[k, tb.PROFILE + 4] < 0.0 else half
         r = half * (1.0 - v) if way < 0.0 else half * v
-        z, z1, z2 = sag_at(shapes.net, start, shapes.sheet_id[k, DEGREE_V], k, number, r * r)
+        z, z1, z2 = sag_at(shapes.net, start, shapes.sheet_id[k, tb.DEGREE_V], k, number, r * r)
         work[p, 0], work[p, 1] = z, r
         work[p + 1, 0], work[p + 1, 1] = 2.0 * r * z1 * way, way
         work[p + 2, 0], work[p + 2, 1] = (2.0 * z1 + 4.0 * r * r * z2) * half * half, 0.0
     else:
-        row_at(shapes.net, start, shapes.sheet_id[k, DEGREE_V], v, work, p)
+        row_at(shapes.net, start, shapes.sheet_id[k, tb.DEGREE_V], v, work, p)
     work[p, 2] = work[p + 1, 2] = work[p + 2, 2] = 0.0
 
 
@@ -160,24 +147,24 @@ def profile_at(shapes, k, v, work):
 def sheet_at(shapes, k, u, v, work):
     """Fill six rows with S, S_u, S_v, S_uu, S_uv, S_vv of a sheet."""
     whole = shapes.sheet_id
-    if not whole[k, IS_TURNED]:
+    if not whole[k, tb.IS_TURNED]:
         patch_at(
-            shapes.net, whole[k, NET], whole[k, DEGREE_U], whole[k, DEGREE_V],
-            whole[k, RATIONAL] != 0, u, v, work,
+            shapes.net, whole[k, tb.NET], whole[k, tb.DEGREE_U], whole[k, tb.DEGREE_V],
+            whole[k, tb.RATIONAL] != 0, u, v, work,
         )  # fmt: skip
         return
     profile_at(shapes, k, v, work)
     number, p, q = shapes.sheet, POINT, PROFILE_POINT
-    way = number[k, TURN + 1] - number[k, TURN]
-    angle = number[k, TURN] + u * way
+    way = number[k, tb.TURN + 1] - number[k, tb.TURN]
+    angle = number[k, tb.TURN] + u * way
     c, s = np.cos(angle), np.sin(angle)
     z, r, z1, r1 = work[q, 0], work[q, 1], work[q + 1, 0], work[q + 1, 1]
     z2, r2 = work[q + 2, 0], work[q + 2, 1]
     for i in range(3):
-        x, y = number[k, FRAME + 3 + i], number[k, FRAME + 6 + i]
-        axis = number[k, FRAME + 9 + i]
+        x, y = number[k, tb.FRAME + 3 + i], number[k, tb.FRAME + 6 + i]
+        axis = number[k, tb.FRAME + 9 + i]
         out, around = c * x + s * y, way * (c * y - s * x)
-        work[p, i] = number[k, FRAME + i] + z * axis + r * out
+        work[p, i] = number[k, tb.FRAME + i] + z * axis + r * out
         work[p + 1, i], work[p + 2, i] = r * around, z1 * axis + r1 * out
         work[p + 3, i], work[p + 4, i] = -r * way * way * out, r1 * around
         work[p + 5, i] = z2 * axis + r2 * out
@@ -188,8 +175,8 @@ def edge_at(shapes, k, start, degree, s, work):
     """Fill `CURVE_POINT` with C, C', C'' of a curve on sheet k; return (u, v) there, of the sheet."""
     row_at(shapes.net, start, degree, s, work, CURVE_POINT)
     number, q, p = shapes.sheet, CURVE_POINT, POINT
-    u0, v0 = number[k, SPAN], number[k, SPAN + 2]
-    by_u, by_v = 1.0 / (number[k, SPAN + 1] - u0), 1.0 / (number[k, SPAN + 3] - v0)
+    u0, v0 = number[k, tb.SPAN], number[k, tb.SPAN + 2]
+    by_u, by_v = 1.0 / (number[k, tb.SPAN + 1] - u0), 1.0 / (number[k, tb.SPAN + 3] - v0)
     u, v = (work[q, 0] - u0) * by_u, (work[q, 1] - v0) * by_v
     u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
     u1, v1 = work[q + 1, 0] * by_u, work[q + 1, 1] * by_v

@@ -17,6 +17,7 @@ the azimuth of p; so turned cells are curves in the half plane of an azimuth.
 
 import numpy as np
 
+from hybrid_rt.distance.kernels import table as tb
 from hybrid_rt.distance.kernels.build import side_of_part
 from hybrid_rt.distance.kernels.evaluate import (
     CURVE_POINT,
@@ -27,36 +28,6 @@ from hybrid_rt.distance.kernels.evaluate import (
     edge_at,
     profile_at,
     sheet_at,
-)
-from hybrid_rt.distance.kernels.table import (
-    ALONG_U,
-    ALONG_V,
-    ARC,
-    AZIMUTH,
-    BOUNDS,
-    BOX,
-    CIRCLE,
-    CUT,
-    DEGREE,
-    EDGE,
-    FORM,
-    FRAME,
-    KIND,
-    LOOPS,
-    MIDDLE,
-    OBJECT,
-    OFF,
-    PATCH,
-    PIECE,
-    PROFILE,
-    SHEET,
-    SPAN,
-    STATE,
-    TRIANGLE,
-    TUBE,
-    TURN,
-    TURNED,
-    WHOLE,
 )
 from hybrid_rt.intersection.kernels.search.tree import CHILD, COUNT, WIDTH
 from meshing.kernels.jit import inner, kernel
@@ -155,8 +126,8 @@ def offer(found, shapes, k, piece, d, slack, u, v, x, y, z, is_edge):
         or (
             d == best
             and (
-                whole[k, OBJECT] < whole[other, OBJECT]
-                or (whole[k, OBJECT] == whole[other, OBJECT] and piece < found[OF_PIECE])
+                whole[k, tb.OBJECT] < whole[other, tb.OBJECT]
+                or (whole[k, tb.OBJECT] == whole[other, tb.OBJECT] and piece < found[OF_PIECE])
             )
         )
     ):
@@ -168,13 +139,13 @@ def offer(found, shapes, k, piece, d, slack, u, v, x, y, z, is_edge):
 @inner
 def stays_inside(shapes, trims, k, u, v):
     """Tell whether (u, v) of sheet k is inside its loops, or on them within rounding; and which."""
-    member = shapes.sheet_id[k, LOOPS]
+    member = shapes.sheet_id[k, tb.LOOPS]
     if member < 0:
         return True, False
     number = shapes.sheet
-    a, c = number[k, SPAN], number[k, SPAN + 2]
+    a, c = number[k, tb.SPAN], number[k, tb.SPAN + 2]
     return classify(
-        trims, member, a + u * (number[k, SPAN + 1] - a), c + v * (number[k, SPAN + 3] - c),
+        trims, member, a + u * (number[k, tb.SPAN + 1] - a), c + v * (number[k, tb.SPAN + 3] - c),
         4.0 * ROUNDOFF, 4.0 * ROUNDOFF,
     )  # fmt: skip
 
@@ -231,12 +202,12 @@ def least_in_patch(shapes, row, p, slack, found, heap):
     """Tell whether a cell of a patch may have what is nearer; make it the part to look into."""
     cell = shapes.cell
     least, most, s, t = from_parallelogram(
-        cell[row, MIDDLE] - p[0], cell[row, MIDDLE + 1] - p[1], cell[row, MIDDLE + 2] - p[2],
-        cell[row, ALONG_U], cell[row, ALONG_U + 1], cell[row, ALONG_U + 2],
-        cell[row, ALONG_V], cell[row, ALONG_V + 1], cell[row, ALONG_V + 2],
+        cell[row, tb.MIDDLE] - p[0], cell[row, tb.MIDDLE + 1] - p[1], cell[row, tb.MIDDLE + 2] - p[2],
+        cell[row, tb.ALONG_U], cell[row, tb.ALONG_U + 1], cell[row, tb.ALONG_U + 2],
+        cell[row, tb.ALONG_V], cell[row, tb.ALONG_V + 1], cell[row, tb.ALONG_V + 2],
     )  # fmt: skip
-    off, state = cell[row, OFF] + slack, shapes.cell_id[row, STATE]
-    if state == WHOLE:
+    off, state = cell[row, tb.OFF] + slack, shapes.cell_id[row, tb.STATE]
+    if state == tb.WHOLE:
         found[LIMIT] = min(found[LIMIT], most + off + slack)
     write(heap, HEAP, least - off, row, -1.0, 1.0, -1.0, 1.0, s, t, state)
     return least - off <= found[LIMIT]
@@ -246,14 +217,14 @@ def least_in_patch(shapes, row, p, slack, found, heap):
 def search_patch(shapes, trims, p, slack, found, heap, size, work):
     """Look into the part of a patch behind the heap; return the heap's size with what is left of it."""
     row, cell = np.int64(heap[HEAP, OF_CELL]), shapes.cell
-    k = shapes.cell_id[row, SHEET]
-    piece = shapes.sheet_id[k, PIECE]
-    u0, v0 = cell[row, BOX], cell[row, BOX + 2]
-    hu, hv = 0.5 * (cell[row, BOX + 1] - u0), 0.5 * (cell[row, BOX + 3] - v0)
-    bu, bv = cell[row, BOUNDS], cell[row, BOUNDS + 1]
-    buu, buv, bvv = cell[row, BOUNDS + 2], cell[row, BOUNDS + 3], cell[row, BOUNDS + 4]
-    b30, b21 = cell[row, BOUNDS + 5], cell[row, BOUNDS + 6]
-    b12, b03 = cell[row, BOUNDS + 7], cell[row, BOUNDS + 8]
+    k = shapes.cell_id[row, tb.SHEET]
+    piece = shapes.sheet_id[k, tb.PIECE]
+    u0, v0 = cell[row, tb.BOX], cell[row, tb.BOX + 2]
+    hu, hv = 0.5 * (cell[row, tb.BOX + 1] - u0), 0.5 * (cell[row, tb.BOX + 3] - v0)
+    bu, bv = cell[row, tb.BOUNDS], cell[row, tb.BOUNDS + 1]
+    buu, buv, bvv = cell[row, tb.BOUNDS + 2], cell[row, tb.BOUNDS + 3], cell[row, tb.BOUNDS + 4]
+    b30, b21 = cell[row, tb.BOUNDS + 5], cell[row, tb.BOUNDS + 6]
+    b12, b03 = cell[row, tb.BOUNDS + 7], cell[row, tb.BOUNDS + 8]
     px, py, pz, q = p[0], p[1], p[2], POINT
     least, s, t, state = (
         heap[HEAP, LEAST],
@@ -280,7 +251,7 @@ def search_patch(shapes, trims, p, slack, found, heap, size, work):
         h11 = j11 + hu * hu * (x * work[q + 3, 0] + y * work[q + 3, 1] + z * work[q + 3, 2])
         h12 = j12 + hu * hv * (x * work[q + 4, 0] + y * work[q + 4, 1] + z * work[q + 4, 2])
         h22 = j22 + hv * hv * (x * work[q + 5, 0] + y * work[q + 5, 1] + z * work[q + 5, 2])
-        if state == WHOLE:
+        if state == tb.WHOLE:
             offer(
                 found, shapes, k, piece, d, slack, u0 + hu * (1.0 + s), v0 + hv * (1.0 + t),
                 work[q, 0], work[q, 1], work[q, 2], False,
@@ -290,7 +261,7 @@ def search_patch(shapes, trims, p, slack, found, heap, size, work):
         else:
             d1, d2 = within_box(g1, g2, h11, h12, h22, a0 - s, a1 - s, b0 - t, b1 - t)
         is_final = max(abs(d1), abs(d2)) <= FINAL_STEP
-        if is_final or (state != WHOLE and step == 0):
+        if is_final or (state != tb.WHOLE and step == 0):
             # Bounds on third derivatives, and on how second ones change.
             r1, r2 = max(a1 - s, s - a0), max(b1 - t, t - b0)
             far = d + bu * r1 + bv * r2
@@ -299,26 +270,29 @@ def search_patch(shapes, trims, p, slack, found, heap, size, work):
             e11 = (3.0 * buu * bu + far * b30) * r1 + e112 * r2
             e22 = (3.0 * bvv * bv + far * b03) * r2 + e122 * r1
             e12 = e112 * r1 + e122 * r2
-            if state != WHOLE and (
+            if state != tb.WHOLE and (
                 abs(g1) > (abs(h11) + 0.5 * e11) * r1 + (abs(h12) + 0.5 * e12) * r2
                 or abs(g2) > (abs(h22) + 0.5 * e22) * r2 + (abs(h12) + 0.5 * e12) * r1
             ):
                 is_done = True  # nowhere stationary
                 break
             if is_final:
-                # Is nothing else on this part as near?
-                m11, m22, m12 = h11 - e11 / 3.0, h22 - e22 / 3.0, abs(h12) + e12 / 3.0
+                # Is nothing else on this part as near? If it is cut, is nothing else stationary: is F convex?
+                counts = state == tb.WHOLE or d > found[DISTANCE] + 2.0 * slack
+                share = 1.0 / 3.0 if counts else 1.0
+                m11, m22, m12 = h11 - share * e11, h22 - share * e22, abs(h12) + share * e12
                 # What pushes outward at a side is no loss; and as |d| <= r, |g d| >= |g| d^2 / r.
                 f1 = 0.0 if (s == a0 and g1 > 0.0) or (s == a1 and g1 < 0.0) else g1
                 f2 = 0.0 if (t == b0 and g2 > 0.0) or (t == b1 and g2 < 0.0) else g2
-                if state == WHOLE or d > found[DISTANCE] + 2.0 * slack:
+                if counts:
                     m11 += 2.0 * abs(g1 - f1) / r1
                     m22 += 2.0 * abs(g2 - f2) / r2
                 det = m11 * m22 - m12 * m12
                 if not (m11 > 0.0 and m22 > 0.0 and det > 0.0):
                     break
                 loss = (f1 * f1 + f2 * f2) * (m11 + m22) / det
-                if d - np.sqrt(max(f - loss, 0.0)) <= slack or step > NEWTON_STEPS - 4:
+                is_exact = d - np.sqrt(max(f - loss, 0.0)) <= slack
+                if is_exact or (step > NEWTON_STEPS - 4 and state == tb.WHOLE):
                     is_done = True
                     found_least = np.sqrt(max(f - loss, 0.0))
                     s, t = s + d1, t + d2
@@ -328,7 +302,7 @@ def search_patch(shapes, trims, p, slack, found, heap, size, work):
                     pushed = (g1 - f1) ** 2 / m11 + (g2 - f2) ** 2 / m22
                     is_stationary = pushed <= 2.0**-40 * min(j11, j22)
                     u, v = u0 + hu * (1.0 + s), v0 + hv * (1.0 + t)
-                    if state == WHOLE:
+                    if state == tb.WHOLE:
                         offer(
                             found, shapes, k, piece, d, slack, u, v,
                             work[q, 0], work[q, 1], work[q, 2], False,
@@ -365,12 +339,12 @@ def search_patch(shapes, trims, p, slack, found, heap, size, work):
         w1, w2 = 0.5 * (c1 - c0), 0.5 * (e1 - e0)
         s, t = c0 + w1, e0 + w2
         now = state
-        if state != WHOLE:
+        if state != tb.WHOLE:
             now = side_of_part(
                 shapes, trims, k, u0 + hu * (1.0 + c0), u0 + hu * (1.0 + c1),
                 v0 + hv * (1.0 + e0), v0 + hv * (1.0 + e1),
             )  # fmt: skip
-            if now > CUT:
+            if now > tb.CUT:
                 continue
         sheet_at(shapes, k, u0 + hu * (1.0 + s), v0 + hv * (1.0 + t), work)
         f, g = hu * w1, hv * w2
@@ -388,12 +362,14 @@ def search_patch(shapes, trims, p, slack, found, heap, size, work):
 @inner
 def curve_of_cell(shapes, row, kind, s, work):
     """Fill three rows with a curve of a cell at t = s, by its own parameter; return the first, and u, v."""
-    cell, k = shapes.cell, shapes.cell_id[row, SHEET]
-    if kind == EDGE:
-        at = cell[row, BOX] + 0.5 * (cell[row, BOX + 1] - cell[row, BOX]) * (1.0 + s)
-        u, v = edge_at(shapes, k, shapes.cell_id[row, ARC], shapes.cell_id[row, DEGREE], at, work)
+    cell, k = shapes.cell, shapes.cell_id[row, tb.SHEET]
+    if kind == tb.EDGE:
+        at = cell[row, tb.BOX] + 0.5 * (cell[row, tb.BOX + 1] - cell[row, tb.BOX]) * (1.0 + s)
+        u, v = edge_at(
+            shapes, k, shapes.cell_id[row, tb.ARC], shapes.cell_id[row, tb.DEGREE], at, work
+        )
         return CURVE_POINT, u, v
-    v = cell[row, BOX + 2] + 0.5 * (cell[row, BOX + 3] - cell[row, BOX + 2]) * (1.0 + s)
+    v = cell[row, tb.BOX + 2] + 0.5 * (cell[row, tb.BOX + 3] - cell[row, tb.BOX + 2]) * (1.0 + s)
     profile_at(shapes, k, v, work)
     return PROFILE_POINT, 0.0, v
 
@@ -416,15 +392,15 @@ def toward(cell, row, column, x, y):
 def place_on_turned(shapes, k, c, s, z, r):
     """Return the point at an azimuth of a turned sheet, and its u."""
     number = shapes.sheet
-    x = number[k, FRAME] + z * number[k, FRAME + 9]
-    y = number[k, FRAME + 1] + z * number[k, FRAME + 10]
-    w = number[k, FRAME + 2] + z * number[k, FRAME + 11]
-    x += r * (c * number[k, FRAME + 3] + s * number[k, FRAME + 6])
-    y += r * (c * number[k, FRAME + 4] + s * number[k, FRAME + 7])
-    w += r * (c * number[k, FRAME + 5] + s * number[k, FRAME + 8])
-    way = number[k, TURN + 1] - number[k, TURN]
+    x = number[k, tb.FRAME] + z * number[k, tb.FRAME + 9]
+    y = number[k, tb.FRAME + 1] + z * number[k, tb.FRAME + 10]
+    w = number[k, tb.FRAME + 2] + z * number[k, tb.FRAME + 11]
+    x += r * (c * number[k, tb.FRAME + 3] + s * number[k, tb.FRAME + 6])
+    y += r * (c * number[k, tb.FRAME + 4] + s * number[k, tb.FRAME + 7])
+    w += r * (c * number[k, tb.FRAME + 5] + s * number[k, tb.FRAME + 8])
+    way = number[k, tb.TURN + 1] - number[k, tb.TURN]
     # From the beginning of the turn, in its sense; just before it is 0, not nearly a whole turn.
-    angle = np.arctan2(s, c) - number[k, TURN]
+    angle = np.arctan2(s, c) - number[k, tb.TURN]
     angle -= 2.0 * np.pi * np.floor(angle / (2.0 * np.pi))
     if angle > 0.5 * (abs(way) + 2.0 * np.pi):
         angle -= 2.0 * np.pi
@@ -434,18 +410,18 @@ def place_on_turned(shapes, k, c, s, z, r):
 @inner
 def offer_on_curve(shapes, trims, row, kind, c, s, d, slack, u, v, x, y, z, least, found):
     """Offer a point of a curve cell that is the nearest of its part, or of a turned one at an azimuth."""
-    k, state = shapes.cell_id[row, SHEET], shapes.cell_id[row, STATE]
+    k, state = shapes.cell_id[row, tb.SHEET], shapes.cell_id[row, tb.STATE]
     if d > found[LIMIT]:
         return
-    is_edge = kind == EDGE
+    is_edge = kind == tb.EDGE
     if not is_edge:
         x, y, z, u = place_on_turned(shapes, k, c, s, x, y)
-    if state == CUT:
+    if state == tb.CUT:
         is_inside, is_near = stays_inside(shapes, trims, k, u, v)
         if not (is_inside or is_near):
             return
         is_edge = is_edge or is_near
-    piece = shapes.sheet_id[k, PIECE]
+    piece = shapes.sheet_id[k, tb.PIECE]
     offer(found, shapes, k, piece, d, slack, u, v, x, y, z, is_edge)
     found[FLOOR] = min(found[FLOOR], least)
 
@@ -459,28 +435,36 @@ def search_curve(shapes, trims, row, p, slack, found, heap, size, work):
     is_whole = row >= 0
     if not is_whole:
         row = np.int64(heap[HEAP, OF_CELL])
-    cell, k, state = shapes.cell, shapes.cell_id[row, SHEET], shapes.cell_id[row, STATE]
-    kind = shapes.cell_id[row, KIND]
+    cell, k, state = shapes.cell, shapes.cell_id[row, tb.SHEET], shapes.cell_id[row, tb.STATE]
+    kind = shapes.cell_id[row, tb.KIND]
     px, py, pz, more = p[0], p[1], p[2], 0.0
     cu, su, is_own = 1.0, 0.0, True
-    if kind == TURNED:
+    if kind == tb.TURNED:
         number = shapes.sheet
-        x, y, w = px - number[k, FRAME], py - number[k, FRAME + 1], pz - number[k, FRAME + 2]
-        a = x * number[k, FRAME + 3] + y * number[k, FRAME + 4] + w * number[k, FRAME + 5]
-        b = x * number[k, FRAME + 6] + y * number[k, FRAME + 7] + w * number[k, FRAME + 8]
-        px = x * number[k, FRAME + 9] + y * number[k, FRAME + 10] + w * number[k, FRAME + 11]
-        cu, su, is_own = toward(cell, row, AZIMUTH, a, b)
-        if state == CUT and not is_own:
+        x, y, w = (
+            px - number[k, tb.FRAME],
+            py - number[k, tb.FRAME + 1],
+            pz - number[k, tb.FRAME + 2],
+        )
+        a = x * number[k, tb.FRAME + 3] + y * number[k, tb.FRAME + 4] + w * number[k, tb.FRAME + 5]
+        b = x * number[k, tb.FRAME + 6] + y * number[k, tb.FRAME + 7] + w * number[k, tb.FRAME + 8]
+        px = (
+            x * number[k, tb.FRAME + 9]
+            + y * number[k, tb.FRAME + 10]
+            + w * number[k, tb.FRAME + 11]
+        )
+        cu, su, is_own = toward(cell, row, tb.AZIMUTH, a, b)
+        if state == tb.CUT and not is_own:
             return size
         py, pz = cu * a + su * b, 0.0
         across = su * a - cu * b
         more = 0.0 if is_own else across * across
-        if shapes.sheet_id[k, FORM] == CIRCLE:
-            z, r = number[k, PROFILE], number[k, PROFILE + 1]
-            radius = number[k, PROFILE + 2]
+        if shapes.sheet_id[k, tb.FORM] == tb.CIRCLE:
+            z, r = number[k, tb.PROFILE], number[k, tb.PROFILE + 1]
+            radius = number[k, tb.PROFILE + 2]
             x, y = py - r, px - z
-            c, s, is_there = toward(cell, row, TUBE, x, y)
-            if state == CUT and not is_there:
+            c, s, is_there = toward(cell, row, tb.TUBE, x, y)
+            if state == tb.CUT and not is_there:
                 return size
             away = np.sqrt(x * x + y * y)
             if is_there:
@@ -489,17 +473,17 @@ def search_curve(shapes, trims, row, p, slack, found, heap, size, work):
                 d = np.sqrt((x - radius * c) ** 2 + (y - radius * s) ** 2 + more)
             if d > found[LIMIT]:
                 return size
-            angle = np.arctan2(s, c) - number[k, PROFILE + 3]
-            way = number[k, PROFILE + 4] - number[k, PROFILE + 3]
+            angle = np.arctan2(s, c) - number[k, tb.PROFILE + 3]
+            way = number[k, tb.PROFILE + 4] - number[k, tb.PROFILE + 3]
             # Within the arc of this cell, a turn more or less.
-            middle = 0.5 * (cell[row, BOX + 2] + cell[row, BOX + 3]) * way
+            middle = 0.5 * (cell[row, tb.BOX + 2] + cell[row, tb.BOX + 3]) * way
             angle += 2.0 * np.pi * np.floor((middle - angle) / (2.0 * np.pi) + 0.5)
             v = min(max(angle / way, 0.0), 1.0)
             z, r = z + radius * s, r + radius * c
             offer_on_curve(shapes, trims, row, kind, cu, su, d, slack, 0.0, v, z, r, 0.0, d, found)
             note_rings(found, k, d, slack, away, radius, abs(py), r)
             return size
-    b1, b2, b3 = cell[row, BOUNDS], cell[row, BOUNDS + 1], cell[row, BOUNDS + 2]
+    b1, b2, b3 = cell[row, tb.BOUNDS], cell[row, tb.BOUNDS + 1], cell[row, tb.BOUNDS + 2]
     least, a0, a1, s = (
         heap[HEAP, LEAST],
         heap[HEAP, SIDES],
@@ -508,20 +492,20 @@ def search_curve(shapes, trims, row, p, slack, found, heap, size, work):
     )
     if is_whole:
         least, most, s, _ = from_parallelogram(
-            cell[row, MIDDLE] - px, cell[row, MIDDLE + 1] - py, cell[row, MIDDLE + 2] - pz,
-            cell[row, ALONG_U], cell[row, ALONG_U + 1], cell[row, ALONG_U + 2], 0.0, 0.0, 0.0,
+            cell[row, tb.MIDDLE] - px, cell[row, tb.MIDDLE + 1] - py, cell[row, tb.MIDDLE + 2] - pz,
+            cell[row, tb.ALONG_U], cell[row, tb.ALONG_U + 1], cell[row, tb.ALONG_U + 2], 0.0, 0.0, 0.0,
         )  # fmt: skip
-        off, a0, a1 = cell[row, OFF] + slack, -1.0, 1.0
+        off, a0, a1 = cell[row, tb.OFF] + slack, -1.0, 1.0
         least = max(least - off, 0.0)
         least = np.sqrt(least * least + more)
         if least > found[LIMIT]:
             return size
-        if state == WHOLE:
+        if state == tb.WHOLE:
             found[LIMIT] = min(found[LIMIT], np.sqrt((most + off) ** 2 + more) + slack)
     half = 0.5 * (
-        cell[row, BOX + 1] - cell[row, BOX]
-        if kind == EDGE
-        else cell[row, BOX + 3] - cell[row, BOX + 2]
+        cell[row, tb.BOX + 1] - cell[row, tb.BOX]
+        if kind == tb.EDGE
+        else cell[row, tb.BOX + 3] - cell[row, tb.BOX + 2]
     )
     is_done = False
     for step in range(NEWTON_STEPS):
@@ -544,9 +528,9 @@ def search_curve(shapes, trims, row, p, slack, found, heap, size, work):
             break
         r = max(a1 - s, s - a0)
         e = (3.0 * b1 * b2 + (d + b1 * r) * b3) * r
-        if state == CUT and abs(g) > (abs(h) + 0.5 * e) * r:
+        if state == tb.CUT and abs(g) > (abs(h) + 0.5 * e) * r:
             is_done = True  # nowhere stationary
-            if kind == EDGE:  # the end of a border may be one of the surface
+            if kind == tb.EDGE:  # the end of a border may be one of the surface
                 q, u, v = curve_of_cell(shapes, row, kind, a0 if g > 0.0 else a1, work)
                 x, y, z = work[q, 0] - px, work[q, 1] - py, work[q, 2] - pz
                 d = np.sqrt(x * x + y * y + z * z)
@@ -556,18 +540,19 @@ def search_curve(shapes, trims, row, p, slack, found, heap, size, work):
                 )  # fmt: skip
             break
         if abs(to) <= FINAL_STEP:
-            m = h - e / 3.0
             is_pushed = (s == a0 and g > 0.0) or (s == a1 and g < 0.0)
-            counts = state == WHOLE or d > found[DISTANCE] + 2.0 * slack
+            counts = state == tb.WHOLE or d > found[DISTANCE] + 2.0 * slack
+            m = h - (e / 3.0 if counts else e)
             if is_pushed and counts:
                 m += 2.0 * abs(g) / r
             if not m > 0.0:
                 break
             loss = 0.0 if is_pushed else g * g / m
-            if d - np.sqrt(max(f - loss, 0.0)) <= slack or step > NEWTON_STEPS - 4:
+            is_exact = d - np.sqrt(max(f - loss, 0.0)) <= slack
+            if is_exact or (step > NEWTON_STEPS - 4 and state == tb.WHOLE):
                 is_done = True
                 # Of a cut turned cell only what is stationary counts.
-                if kind == TURNED and state == CUT and is_pushed and g * g > 2.0**-40 * m * j:
+                if kind == tb.TURNED and state == tb.CUT and is_pushed and g * g > 2.0**-40 * m * j:
                     break
                 least = np.sqrt(max(f - loss, 0.0))
                 if least > found[LIMIT]:
@@ -579,7 +564,7 @@ def search_curve(shapes, trims, row, p, slack, found, heap, size, work):
                     shapes, trims, row, kind, cu, su, d, slack, u, v,
                     work[q, 0], work[q, 1], work[q, 2], least, found,
                 )  # fmt: skip
-                if kind == TURNED:
+                if kind == tb.TURNED:
                     note_rings(found, k, d, slack, np.inf, 0.0, abs(py), r)
                 break
         if to == 0.0 and step > 0:
@@ -587,7 +572,7 @@ def search_curve(shapes, trims, row, p, slack, found, heap, size, work):
         s = min(max(s + to, a0), a1)
     if is_done:
         return size
-    if state == WHOLE:  # any point will do as an upper bound
+    if state == tb.WHOLE:  # any point will do as an upper bound
         offer_on_curve(
             shapes, trims, row, kind, cu, su, d, slack, u, v,
             work[q, 0], work[q, 1], work[q, 2], np.inf, found,
@@ -601,15 +586,15 @@ def search_curve(shapes, trims, row, p, slack, found, heap, size, work):
         c0 = a0 if side == 0 else a0 + w
         c1 = a0 + w if side == 0 else a1
         middle, wide = 0.5 * (c0 + c1), 0.5 * (c1 - c0)
-        if state == CUT:
+        if state == tb.CUT:
             _, u0, v0 = curve_of_cell(shapes, row, kind, c0, work)
             _, u1, v1 = curve_of_cell(shapes, row, kind, c1, work)
-            if kind == TURNED:
+            if kind == tb.TURNED:
                 _, _, _, u0 = place_on_turned(shapes, k, cu, su, 0.0, 0.0)
                 u1 = u0
             low_u, low_v = min(u0, u1), min(v0, v1)
             high_u, high_v = max(u0, u1), max(v0, v1)
-            if side_of_part(shapes, trims, k, low_u, high_u, low_v, high_v) > CUT:
+            if side_of_part(shapes, trims, k, low_u, high_u, low_v, high_v) > tb.CUT:
                 continue
         q, u, v = curve_of_cell(shapes, row, kind, middle, work)
         f = half * wide
@@ -635,15 +620,20 @@ def note_rings(found, k, d, slack, away, radius, off_axis, r):
 @inner
 def search_triangle(shapes, row, p, slack, found):
     """Search a triangle: the foot of the perpendicular, or the nearest point of its sides."""
-    cell, k = shapes.cell, shapes.cell_id[row, SHEET]
-    x, y, z = cell[row, MIDDLE] - p[0], cell[row, MIDDLE + 1] - p[1], cell[row, MIDDLE + 2] - p[2]
-    ax, ay, az = cell[row, ALONG_U], cell[row, ALONG_U + 1], cell[row, ALONG_U + 2]
-    bx, by, bz = cell[row, ALONG_V], cell[row, ALONG_V + 1], cell[row, ALONG_V + 2]
+    cell, k = shapes.cell, shapes.cell_id[row, tb.SHEET]
+    x, y, z = (
+        cell[row, tb.MIDDLE] - p[0],
+        cell[row, tb.MIDDLE + 1] - p[1],
+        cell[row, tb.MIDDLE + 2] - p[2],
+    )
+    ax, ay, az = cell[row, tb.ALONG_U], cell[row, tb.ALONG_U + 1], cell[row, tb.ALONG_U + 2]
+    bx, by, bz = cell[row, tb.ALONG_V], cell[row, tb.ALONG_V + 1], cell[row, tb.ALONG_V + 2]
     aa, ab = ax * ax + ay * ay + az * az, ax * bx + ay * by + az * bz
     bb, ga, gb = bx * bx + by * by + bz * bz, x * ax + y * ay + z * az, x * bx + y * by + z * bz
     det = aa * bb - ab * ab
     s, t = ab * gb - bb * ga, ab * ga - aa * gb
     # The foot, then the sides: along a, along b, and from the end of a to that of b.
+    best, least, i, j, is_edge = np.inf, 0.0, 0.0, 0.0, False
     for side in range(4):
         if side == 0:
             if not (s > 0.0 and t > 0.0 and s + t < det):
@@ -662,18 +652,18 @@ def search_triangle(shapes, row, p, slack, found):
             v = 0.0 if side == 1 else at
         dx, dy, dz = x + u * ax + v * bx, y + u * ay + v * by, z + u * az + v * bz
         d = np.sqrt(dx * dx + dy * dy + dz * dz)
-        if d > found[LIMIT]:
-            continue
-        # Convex: no other point is nearer than by what the slopes toward the corners allow.
-        qa, qb = dx * ax + dy * ay + dz * az, dx * bx + dy * by + dz * bz
-        loss = u * qa + v * qb - min(0.0, qa, qb)
-        least = max(d - loss / d, 0.0) if d > 0.0 else 0.0
-        if least < d - slack:
-            continue  # not the nearest, or not for sure: a side is
-        piece, x, y, z = shapes.cell_id[row, ARC], dx + p[0], dy + p[1], dz + p[2]
-        offer(found, shapes, k, piece, d, slack, u, v, x, y, z, side > 0)
+        if d < best:
+            # Convex: no other point is nearer than by what the slopes toward the corners allow.
+            qa, qb = dx * ax + dy * ay + dz * az, dx * bx + dy * by + dz * bz
+            loss = u * qa + v * qb - min(0.0, qa, qb)
+            best, i, j, is_edge = d, u, v, side > 0
+            least = max(d - loss / d, 0.0) if d > 0.0 else 0.0
+        if best - least <= slack:
+            break
+    x, y, z = x + i * ax + j * bx + p[0], y + i * ay + j * by + p[1], z + i * az + j * bz + p[2]
+    offer(found, shapes, k, shapes.cell_id[row, tb.ARC], best, slack, i, j, x, y, z, is_edge)
+    if best <= found[LIMIT]:
         found[FLOOR] = min(found[FLOOR], least)
-        return
 
 
 @inner
@@ -719,11 +709,11 @@ def search_group(shapes, trims, groups, root, p, slack, found, heap, work, todo,
         begin = groups.links[parent, CHILD, child]
         for i in range(begin, begin + groups.links[parent, COUNT, child]):
             row = np.int64(groups.order[i])
-            kind = shapes.cell_id[row, KIND]
-            if kind == PATCH:
+            kind = shapes.cell_id[row, tb.KIND]
+            if kind == tb.PATCH:
                 if least_in_patch(shapes, row, p, slack, found, heap):
                     size = search_patch(shapes, trims, p, slack, found, heap, size, work)
-            elif kind == TRIANGLE:
+            elif kind == tb.TRIANGLE:
                 search_triangle(shapes, row, p, slack, found)
             else:
                 size = search_curve(shapes, trims, row, p, slack, found, heap, size, work)
@@ -731,7 +721,7 @@ def search_group(shapes, trims, groups, root, p, slack, found, heap, work, todo,
         if size == 0 or heap[0, LEAST] > found[LIMIT]:
             return
         size = pop(heap, size)
-        if shapes.cell_id[np.int64(heap[HEAP, OF_CELL]), KIND] == PATCH:
+        if shapes.cell_id[np.int64(heap[HEAP, OF_CELL]), tb.KIND] == tb.PATCH:
             size = search_patch(shapes, trims, p, slack, found, heap, size, work)
         else:
             size = search_curve(shapes, trims, np.int64(-1), p, slack, found, heap, size, work)
@@ -772,7 +762,7 @@ def search_place(shapes, trims, groups, place, points, i, answers, found, p, hea
     wy = square * (move[place, 1] * x + move[place, 4] * y + move[place, 7] * z) + move[place, 10]
     wz = square * (move[place, 2] * x + move[place, 5] * y + move[place, 8] * z) + move[place, 11]
     sheet = np.int64(found[OF_SHEET])
-    thing = shapes.sheet_id[sheet, OBJECT]
+    thing = shapes.sheet_id[sheet, tb.OBJECT]
     if take(
         answers, i, d, least, off, found[SEVERAL_AT] > 0.0, wx, wy, wz, found[U], found[V], thing
     ):

@@ -63,10 +63,10 @@ def test_limits_of_groups_count_and_of_those_that_they_are_in(
 
 
 def test_a_picture_beyond_ulimit_is_refused_before_any_work(limits):
-    """120 bytes a pixel."""
+    """175 bytes a pixel."""
     limits[resource.RLIMIT_AS] = 2**30
     scene = Scene(Camera((0, -4, 1), (0, 0, 0), (0, 0, 1), width=4000, height=3000))
     with pytest.raises(
-        MemoryError, match=r"takes about 1.34 GiB of memory, this process can have 0.99"
+        MemoryError, match=r"takes about 1.96 GiB of memory, this process can have 0.99"
     ):
         render(scene, passes=1)

@@ -4,7 +4,18 @@ import numpy as np
 import pytest
 import trimesh
 
-from hybrid_rt import Asphere, Box, Intersector, Plane, Rectangle, Sphere, Torus, TriangleMesh, demo
+from hybrid_rt import (
+    Asphere,
+    Box,
+    ClosestPoint,
+    Intersector,
+    Plane,
+    Rectangle,
+    Sphere,
+    Torus,
+    TriangleMesh,
+    demo,
+)
 from hybrid_rt.intersection.kinds.registry import ENTRIES
 from hybrid_rt.primitives.box import TurnedBox
 from hybrid_rt.primitives.instances import Instances
@@ -133,6 +144,40 @@ def test_results_have_the_shape_of_the_parameters_and_an_axis_of_three(surface):
     scale = 1.0 if not surface.is_bounded else surface.reach
     for x, there in zip(all_of(u[1, 2], v[1, 2], last), grid, strict=True):
         np.testing.assert_allclose(x, there[1, 2], rtol=1e-14, atol=1e-14 * max(scale, 1.0))
+
+
+@pytest.mark.parametrize("surface", [*SURFACES.values(), *MADE.values()], ids=[*NAMES, *MADE])
+def test_closest_points_of_its_points_are_these(surface):
+    rng = np.random.default_rng(5)
+    u, v = rng.uniform(0.05, 0.45, (2, 200))
+    patch = rng.integers(0, len(surface), 200)
+    if surface.spans is not None:
+        a, b, c, d = surface.spans[patch].T
+        u, v = a + u * (b - a), c + v * (d - c)
+    if isinstance(surface, TrimmedSurface):
+        inside = surface.contains(u, v)[0]
+        u, v, patch = u[inside], v[inside], patch[inside]
+    points = surface.point(u, v, patch)
+    found = ClosestPoint(surface).query(points)
+    assert (np.abs(found.distance) <= found.bound).all()
+    np.testing.assert_allclose(found.position, points, rtol=0, atol=1e-12)
+    at = surface.point(found.u, found.v, found.patch_id)
+    if surface.is_bounded:
+        np.testing.assert_allclose(at, points, rtol=0, atol=1e-12)
+    # A little beside it on the side of the normal it is as far, or nearer to another part.
+    off = 1e-3 * max(surface.size, 1.0)
+    beside = ClosestPoint(surface).query(points + off * surface.normal(u, v, patch))
+    assert (np.abs(beside.distance) <= off + beside.bound).all()
+    is_own = np.linalg.norm(beside.position - points, axis=1) < 1e-9
+    np.testing.assert_allclose(np.abs(beside.distance[is_own]), off, rtol=1e-9)
+    assert is_own.mean() > 0.5
+    normal = surface.normal(u, v, patch)
+    np.testing.assert_allclose(beside.normal[is_own], normal[is_own], atol=1e-7)
+    if surface.is_closed and not isinstance(surface, Instances):
+        assert (beside.side[is_own] == 1).all()
+        inner = ClosestPoint(surface).query(points - off * normal)
+        assert (inner.side == -1).all()
+        assert (ClosestPoint(surface.flipped()).query(points - off * normal).side == 1).all()
 
 
 @each
