@@ -239,7 +239,11 @@ class TestMutants:
 
     @pytest.mark.parametrize(
         ("where", "old", "words"),
-        [("no_such", "a", "no function"), ("GROWTH", "a", "is in"), ("offer_root", "\0", "0 times")],
+        [
+            ("no_such", "a", "no function"),
+            ("GROWTH", "a", "is in"),
+            ("offer_root", "\0", "0 times"),
+        ],
     )
     def test_what_does_not_fit_is_refused(self, where, old, words):
         with pytest.raises(ValueError, match=words):
