@@ -23,7 +23,14 @@ from hybrid_rt.core import checks
 from hybrid_rt.core.one_line import cut
 from hybrid_rt.core.precompile import Task, want
 from hybrid_rt.core.progress import warn_of_compilation
-from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray, NamedPoints
+from hybrid_rt.core.records import (
+    BoolArray,
+    FloatArray,
+    HitRecord,
+    IntArray,
+    NamedPoints,
+    Status,
+)
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.core.timing import Stopwatch
 from hybrid_rt.intersection.crossings import Crossings, find_crossings
@@ -38,7 +45,6 @@ from hybrid_rt.intersection.kind import (
     new_record,
     rows_of,
 )
-from hybrid_rt.intersection.kinds.closed_forms import closed_forms
 from hybrid_rt.intersection.kinds.registry import (
     ACCURACIES,
     by_entry,
@@ -53,7 +59,7 @@ from meshing.surface import Surface
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.coarse.proposals import Coarse
-    from hybrid_rt.intersection.kernels.closed_forms import ClosedForms
+    from hybrid_rt.intersection.single_rays import SingleRayTracer
 
 # What is counted of each slice besides the work.
 COUNTED = ("rays", "hits", "tangent", "coarse_hits")
@@ -159,7 +165,7 @@ class Intersector:
         self._number_kinds()
         self.counters: dict[str, int] = dict.fromkeys(
             (
-                "rays", "shadow_rays", "hits", "tangent", "misses", "coarse_hits",
+                "rays", "single_rays", "shadow_rays", "hits", "tangent", "misses", "coarse_hits",
                 *COUNTER_NAMES,
             ),
             0,
@@ -193,11 +199,28 @@ class Intersector:
         own.coarse_seconds = 0.0
         return own
 
-    def closed_forms(self) -> ClosedForms | None:
-        """Return tables for kernels that trace single rays; None if a surface needs batches."""
-        if self._curved or self._coarse is not None:
+    def single_rays(self) -> SingleRayTracer | None:
+        """Return what traces one ray at a time, in one thread; None if hits are not certified."""
+        if self.accuracy != "certified" and (self._curved or self._coarse is not None):
             return None
-        return closed_forms(self._direct, self._kind_of, self._reach)
+        from hybrid_rt.intersection.single_rays import SingleRayTracer
+
+        kinds = [*self._direct, *self._curved]
+        return SingleRayTracer(kinds, self._kind_of, self.surfaces, self._reach)
+
+    def count_single_rays(
+        self, status: IntArray, hits: IntArray, shadow: IntArray, work: FloatArray
+    ) -> None:
+        """Count rays by their status, hits and shadow rays of `single_rays`, and set ``work`` to 0."""
+        counters = self.counters
+        counters["rays"] += int(status.sum())
+        counters["single_rays"] += int(status.sum())
+        counters["hits"] += int(hits[0])
+        counters["tangent"] += int(status[Status.TANGENT])
+        counters["shadow_rays"] += int(shadow[0])
+        counters["misses"] = counters["rays"] - counters["hits"]
+        self._add_work([work], [])
+        work[:] = 0.0
 
     def forget_counters(self) -> None:
         """Set all counters, and the seconds of coarse hits, to 0."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from operator import attrgetter
 from typing import Any, NamedTuple, Protocol
 
@@ -12,6 +13,7 @@ from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from meshing.checks import shown
+from meshing.kernels.stored_calls import StoredCall
 
 
 class Finished(NamedTuple):
@@ -27,6 +29,23 @@ class Finished(NamedTuple):
 
 
 _FINISHED = attrgetter(*Finished._fields)
+
+
+class OneRow(NamedTuple):
+    """The memory of a ray that is traced alone."""
+
+    rays: Rays  # of one row, with ``known``; its origin is locked, as in batches
+    best: Nearest  # of one row
+    out: Finished  # of one row
+    work: FloatArray  # as `Kind.trace` takes it
+
+
+class Single(NamedTuple):
+    """The calls that trace one ray; see `Kind.single`."""
+
+    first: list[StoredCall]
+    any_hit: list[StoredCall]
+    describe: list[StoredCall]
 
 
 class Kind(Protocol):
@@ -64,6 +83,13 @@ class Kind(Protocol):
             Index of this kind in ``kind_of``.
         out : Finished of n rows, changed
         """
+
+    def single(self, ray: OneRow, kind_of: IntArray, kind: int) -> Single:
+        """Return the calls that do the work of `trace`, without a guess, and of `finish` for one ray.
+
+        Bounds of t are left as they are found.
+        """
+        ...
 
 
 class CurvedKind(Kind, Protocol):
@@ -107,6 +133,14 @@ def widen_bounds(
     slope = np.abs(np.einsum("ij,ij->i", out.normal[rows], rays.direction[rows]))
     with np.errstate(divide="ignore"):
         best.t_bound[rows] += moved[best.primitive[rows]] / slope
+
+
+def calls_of(kinds: Sequence[Single]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the addresses of all calls, and where those of each kind for each purpose begin, (k, 4)."""
+    lists = [some for single in kinds for some in single]
+    ends = np.cumsum([0, *map(len, lists)])
+    begins = np.array([ends[3 * k : 3 * k + 4] for k in range(len(kinds))], np.int64)
+    return np.array([call.address for some in lists for call in some], np.int64), begins.reshape(-1, 4)
 
 
 def new_nearest(t_max: FloatArray) -> Nearest:

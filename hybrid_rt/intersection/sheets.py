@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from hybrid_rt.core.records import FloatArray, IntArray
-from hybrid_rt.intersection.kernels.patch.sheet import name_on_sheet
+from hybrid_rt.intersection.kernels.patch.sheet import name_on_sheets
 from hybrid_rt.intersection.kind import Finished
 
 
@@ -17,7 +19,10 @@ class Sheets:
     """
 
     def __init__(self, spans: dict[int, FloatArray]) -> None:
-        self._spans = spans
+        self._first = np.full(max(spans) + 1, -1, np.int64)
+        ends = np.cumsum([0, *map(len, spans.values())])
+        self._first[list(spans)] = ends[:-1]
+        self._spans = np.concatenate(list(spans.values()))
 
     @classmethod
     def of(cls, members: Sequence[tuple[int, Any]]) -> Sheets | None:
@@ -27,5 +32,8 @@ class Sheets:
 
     def finish(self, object_id: IntArray, out: Finished) -> None:
         """Replace the pieces' u and v in ``out`` by those of the whole surface."""
-        for number, spans in self._spans.items():
-            name_on_sheet(object_id, number, spans, out.patch_id, out.u, out.v)
+        name_on_sheets(*self.arguments(object_id, out))
+
+    def arguments(self, object_id: IntArray, out: Finished) -> tuple[Any, ...]:
+        """Return the arguments of `name_on_sheets`, by which `finish` does it."""
+        return object_id, self._first, self._spans, out.patch_id, out.u, out.v

@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.core.kernels.compensated import product, two_difference
+from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.frame import begin_of, end_of, enter_frame
 from hybrid_rt.intersection.kernels.search.members import FARTHEST
-from hybrid_rt.intersection.kernels.search.nearest import WITHIN_BAND
+from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND
 from hybrid_rt.intersection.kernels.search.rays import scale_ray
 from hybrid_rt.intersection.kernels.search.tolerances import UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import (
@@ -25,6 +26,7 @@ from hybrid_rt.intersection.kernels.search.tree import (
     next_leaf,
 )
 from meshing.kernels.jit import inlined, kernel
+from meshing.kernels.stored_calls import call_stored
 
 # Origin and direction in the frame are within one rounding of the exact ones, which moves the ray by this
 # times its way, and as much again for what that moves along a bent surface.
@@ -69,6 +71,22 @@ class Pairs(NamedTuple):
     t_min: Any  # (m,) float64
     t: Any  # (m,) float64: limit
     known: Any  # (m, 6) float64, or (0, 6)
+
+
+class OnePlace(NamedTuple):
+    """What a single ray in a place is traced with, and how; rows of the model's kinds follow each other."""
+
+    pairs: Any  # Pairs of one row
+    found: Any  # Nearest of one row
+    local: Any  # Finished of one row
+    member: Any  # (1,) int32: the surface in the nearest place
+    primitive: Any  # (1,) int32: the primitive on it
+    row: Any  # (1,) int64: 0
+    call: Any  # (n,) int64: calls that find first hits, any hit, and describe hits
+    # (models, 4) int64: where those for each purpose begin, see `kernels.single_rays`
+    first_call: Any
+    first_patch: Any  # (surfaces,) int64, of all models
+    first_surface: Any  # (models + 1,) int64
 
 
 @inlined
@@ -348,3 +366,40 @@ def leave_places(places, pairs, found, first_patch, local, rays, best, out):
         best.doubt[i], best.tangent[i] = found.doubt[k] * unit, found.tangent[k]
         if best.t[i] - best.t_bound[i] <= rays.t_min[i]:
             best.tangent[i] = WITHIN_BAND
+
+
+@kernel
+def trace_one(places, members, rays, best, any_hit, walks, one, counters):
+    """Lower ``best`` to the first hits of one ray in all places of a tree; see `next_places`.
+
+    The calls of ``one`` trace ``one.pairs`` and lower ``one.found``.
+    """
+    walks.top[0], walks.first[0], walks.count[0], one.row[0] = -1, 0, 0, 0
+    found, purpose = one.found, 1 if any_hit else 0
+    while True:
+        _, n_pairs, nodes = next_places(
+            places, members, rays, best, any_hit, walks, one.row, 1, 1, one.pairs
+        )
+        counters[NODES] += nodes
+        if n_pairs == 0:
+            return
+        found.t[0], found.t_bound[0], found.doubt[0] = one.pairs.t[0], 0.0, np.inf
+        found.object_id[0], found.primitive[0], found.tangent[0] = -1, 0, CLEAR
+        found.a[0] = found.b[0] = 0.0
+        model = places.model[places.block[one.pairs.place[0]]]
+        for c in range(one.first_call[model, purpose], one.first_call[model, purpose + 1]):
+            call_stored(one.call[c])
+        keep_nearest(places, one.pairs, found, rays, best, one.member, one.primitive)
+
+
+@kernel
+def describe_one(places, rays, best, one, out):
+    """Describe the hit of one ray, which is in a place; see `trace_one`."""
+    one.row[0] = 0
+    enter_again(places, rays, best, one.member, one.primitive, one.row, one.pairs, one.found)
+    one.local.flags[0] = 0
+    model = places.model[places.block[best.primitive[0]]]
+    for c in range(one.first_call[model, 2], one.first_call[model, 3]):
+        call_stored(one.call[c])
+    first_patch = one.first_patch[one.first_surface[model] : one.first_surface[model + 1]]
+    leave_places(places, one.pairs, one.found, first_patch, one.local, rays, best, out)

@@ -7,16 +7,17 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray, IntArray
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
-from hybrid_rt.intersection.kind import Finished
+from hybrid_rt.intersection.kernels.search.tree import new_stack
+from hybrid_rt.intersection.kind import Finished, OneRow, Single
 from hybrid_rt.intersection.members import in_order
-from hybrid_rt.intersection.ray_batch import FARTHEST, POINT_ROUNDING
 from hybrid_rt.intersection.trims import trim_of_single, trimmed_of, whole_of
+from meshing.kernels.stored_calls import StoredCall
 
 if TYPE_CHECKING:
-    from hybrid_rt.intersection.kernels.closed_forms import ClosedForms
     from hybrid_rt.intersection.kernels.search.members import Members
 
 
@@ -37,8 +38,8 @@ class ClosedForm:
     many : int
         Number of surfaces from which on a tree is used.
     alone : str
-        The field of `hybrid_rt.intersection.kernels.closed_forms.ClosedForms` that takes the table of
-        surfaces that are neither trimmed nor in a tree; "": single rays cannot be traced.
+        The field of `hybrid_rt.intersection.kernels.single_rays.SingleRays` that takes the table of
+        surfaces that are neither trimmed nor in a tree; "": single rays call ``trace``.
     """
 
     def __init__(
@@ -74,8 +75,6 @@ class ClosedForm:
         if self._n_plain:
             self._trace(self.table, self._n_plain, rays, best, any_hit)
         for members in self._in_trees:
-            from hybrid_rt.intersection.kernels.search.tree import new_stack
-
             assert self._trace_tree is not None
             stack = new_stack(members.tree)
             self._trace_tree(self.table, members, rays, best, any_hit, stack, work)
@@ -84,46 +83,33 @@ class ClosedForm:
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
     ) -> None:
         """Describe the hits on this kind."""
+        self._finish(self.table, rays, best, self._rows(kind_of, kind), out)
+
+    def _rows(self, kind_of: IntArray, kind: int) -> NDArray[np.int64]:
+        """Return the row of each object in the table, -1 for those of other kinds."""
         if len(self._row_of) != len(kind_of):
             row_of = np.full(len(kind_of), -1, np.int64)
             row_of[: len(self._row_of)] = self._row_of
             row_of[kind_of != kind] = -1
             self._row_of = row_of
-        self._finish(self.table, rays, best, self._row_of, out)
+        return self._row_of
 
-
-def closed_forms(kinds: Sequence[Any], kind_of: IntArray, reach: FloatArray) -> ClosedForms | None:
-    """Return the tables by which single rays are traced; None if a kind needs batches.
-
-    ``kind_of`` (objects,) int32: index of each object's kind.
-    ``reach`` (objects,): the ``rounding_reach`` of each surface.
-    """
-    names = [getattr(kind, "alone", "") for kind in kinds]
-    if not all(names):
-        return None
-    from hybrid_rt.intersection.kernels import closed_forms as kernels
-    from hybrid_rt.intersection.kernels.box import box_table
-    from hybrid_rt.intersection.kernels.plane import plane_table
-    from hybrid_rt.intersection.kernels.rectangle import rectangle_table
-    from hybrid_rt.intersection.kernels.sphere import sphere_table
-
-    make: dict[str, Callable[..., Any]] = {
-        "spheres": sphere_table,
-        "rectangles": rectangle_table,
-        "planes": plane_table,
-        "boxes": box_table,
-    }
-    tables = {name: make_table([], np.zeros(0, np.int32)) for name, make_table in make.items()}
-    row_of, number_of = np.zeros(kind_of.size, np.int64), np.zeros(kind_of.size, np.int64)
-    for name, kind in zip(names, kinds, strict=True):
-        tables[name] = kind.table
-        row_of[kind.table.object_id] = np.arange(kind.table.object_id.size)
-        number_of[kind.table.object_id] = kernels.ClosedForms._fields.index(name)
-    return kernels.ClosedForms(
-        **tables,
-        kind_of=number_of,
-        row_of=row_of,
-        reach=reach,
-        rounding=POINT_ROUNDING,
-        most=FARTHEST,
-    )
+    def single(self, ray: OneRow, kind_of: IntArray, kind: int) -> Single:
+        """See `hybrid_rt.intersection.kind.Kind.single`."""
+        rays, best, out, work = ray
+        found: list[list[StoredCall]] = []
+        for any_hit in (False, True):
+            found.append([])
+            if self._n_plain:
+                found[-1].append(
+                    StoredCall(self._trace, self.table, self._n_plain, rays, best, any_hit)
+                )
+            for members in self._in_trees:
+                stack = new_stack(members.tree)
+                found[-1].append(
+                    StoredCall(
+                        self._trace_tree, self.table, members, rays, best, any_hit, stack, work
+                    )
+                )
+        finish = StoredCall(self._finish, self.table, rays, best, self._rows(kind_of, kind), out)
+        return Single(found[0], found[1], [finish])

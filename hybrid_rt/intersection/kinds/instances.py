@@ -14,11 +14,21 @@ from hybrid_rt.intersection.kernels.instances import Pairs, Places, Walks
 from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.members import Members
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
-from hybrid_rt.intersection.kind import Finished, finished_part, new_nearest, new_record, rows_of
+from hybrid_rt.intersection.kind import (
+    Finished,
+    OneRow,
+    Single,
+    calls_of,
+    finished_part,
+    new_nearest,
+    new_record,
+    rows_of,
+)
 from hybrid_rt.intersection.margins import Probing, settle
 from hybrid_rt.intersection.members import in_frames, tree_over
 from hybrid_rt.intersection.ray_batch import locked
 from hybrid_rt.primitives.instances import Instances
+from meshing.kernels.stored_calls import StoredCall
 from meshing.sheet import PatchSheet
 from meshing.surface import Surface
 from meshing.trimmed import TrimmedSurface
@@ -55,6 +65,12 @@ class _Model:
     def trace(self, rays: Rays, best: Nearest, any_hit: bool, work: FloatArray) -> None:
         for kind in self.kinds:
             kind.trace(rays, None, best, any_hit, work)
+
+    def single(self, ray: OneRow) -> Single:
+        calls = [kind.single(ray, self._kind_of, number) for number, kind in enumerate(self.kinds)]
+        return Single(
+            *([call for some in lists for call in some] for lists in zip(*calls, strict=True))
+        )
 
     def finish(self, rays: Rays, best: Nearest, out: Finished, work: FloatArray) -> None:
         for number, kind in enumerate(self.kinds):
@@ -103,6 +119,34 @@ class InstanceKind:
             model=np.array(model, np.int32),
         )
 
+    def single(self, ray: OneRow, kind_of: IntArray, kind: int) -> Single:
+        """See `hybrid_rt.intersection.kind.Kind.single`."""
+        del kind_of, kind
+        rays, best, out, work = ray
+        pairs, found = _new_pairs(1, True), new_nearest(np.empty(1))
+        local = finished_part(new_record(1))
+        inside = OneRow(_rays_of(pairs), found, local, work)
+        calls = [model.single(inside) for model in self.models]
+        call, first_call = calls_of(calls)
+        one = kernels.OnePlace(
+            pairs, found, local, np.empty(1, np.int32), np.empty(1, np.int32), np.zeros(1, np.int64),
+            call, first_call, np.concatenate([model.first_patch for model in self.models]),
+            np.cumsum([0, *(len(model.first_patch) for model in self.models)]),
+        )  # fmt: skip
+        first, any_hit = (
+            [
+                StoredCall(
+                    kernels.trace_one, self.places, members, rays, best, some,
+                    _new_walks(1, members.tree.stack), one, work,
+                )
+                for members in self.trees
+            ]
+            for some in (False, True)
+        )  # fmt: skip
+        describe = StoredCall(kernels.describe_one, self.places, rays, best, one, out)
+        describe.keep(calls)
+        return Single(first, any_hit, [describe])
+
     def for_slice(self, n: int) -> InstanceSlice:
         """Return what traces one slice of n rays: it remembers what they hit."""
         return InstanceSlice(self, n)
@@ -141,10 +185,7 @@ class InstanceSlice:
         """Walk through one tree: in each round each ray comes to its next places, and is traced there."""
         n, places = len(best.t), self._kind.places
         room = members.tree.stack
-        walks = Walks(
-            np.full(n, -1, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32),
-            np.empty((n, room), np.int32), np.empty((n, room), np.uint32),
-        )  # fmt: skip
+        walks = _new_walks(n, room)
         active, pairs = np.arange(n), _new_pairs(max(n, FEW), len(rays.known) > 0)
         n_active = n
         while n_active:
@@ -216,6 +257,13 @@ def _tree_of(boxes: FloatArray, rows: NDArray[np.int64]) -> Members:
     members = tree_over(boxes[rows], 0, LEAF_SIZE)
     order = rows[members.tree.order].astype(np.int32)
     return members._replace(tree=members.tree._replace(order=order))
+
+
+def _new_walks(n: int, room: int) -> Walks:
+    return Walks(
+        np.full(n, -1, np.int32), np.zeros(n, np.int32), np.zeros(n, np.int32),
+        np.empty((n, room), np.int32), np.empty((n, room), np.uint32),
+    )  # fmt: skip
 
 
 def _new_pairs(n: int, has_known: bool) -> Pairs:

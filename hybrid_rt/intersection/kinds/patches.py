@@ -27,6 +27,7 @@ from hybrid_rt.intersection.kernels.patch.finish import (
     refine_patches,
 )
 from hybrid_rt.intersection.kernels.patch.rational_fan import bound_rational_bends
+from hybrid_rt.intersection.kernels.patch.sheet import name_on_sheets
 from hybrid_rt.intersection.kernels.patch.skew_box import COLUMN, LOWER, RECORD
 from hybrid_rt.intersection.kernels.patch.trace import (
     MORE,
@@ -40,13 +41,14 @@ from hybrid_rt.intersection.kernels.search.counters import NEWTONS
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tolerances import DEPTH, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_stack
-from hybrid_rt.intersection.kind import Finished, rows_of, widen_bounds
+from hybrid_rt.intersection.kind import Finished, OneRow, Single, rows_of, widen_bounds
 from hybrid_rt.intersection.kinds.closed_poles import closed_poles
 from hybrid_rt.intersection.margins import Aim, Probes, Rows, Search
 from hybrid_rt.intersection.sheets import Sheets
 from hybrid_rt.intersection.trims import may_hold_hits, no_trim, trim_of, trimmed_of, whole_of
 from meshing import BezierPatches, TrimmedSurface
 from meshing.bezier import RationalPatches
+from meshing.kernels.stored_calls import Returned, StoredCall
 from meshing.sheet import PatchSheet
 
 if TYPE_CHECKING:
@@ -64,7 +66,7 @@ MOST_CELLS = 4_000_000
 # Columns of a record: middle and half sides in parameters.
 _PLACE = [MIDDLE_U, MIDDLE_V, HALF, HALF + 1]
 _NOT_MOVED = np.empty((0, 3))
-_NO_CELLS = np.empty(0, np.int32)
+_NO_CELLS, _NO_GUESS = np.empty(0, np.int32), np.empty(0)
 
 
 class _Nets(NamedTuple):
@@ -310,7 +312,7 @@ class PatchKind:
 
     def _search(self, probes: Probes, nearest: Nearest, work: FloatArray) -> None:
         moves = self.table.to_frame * probes.aside
-        self._trace(probes.rays, moves, _NO_CELLS, nearest, False, np.empty(0), work)
+        self._trace(probes.rays, moves, _NO_CELLS, nearest, False, _NO_GUESS, work)
 
     def _new_basis(self) -> FloatArray:
         """Return scratch for Bernstein polynomials."""
@@ -344,6 +346,29 @@ class PatchKind:
             widen_bounds(self._moved, rays, best, kind_of, kind, out)
         if self._sheets is not None:
             self._sheets.finish(best.object_id, out)
+
+    def single(self, ray: OneRow, kind_of: IntArray, kind: int) -> Single:
+        """See `hybrid_rt.intersection.kind.Kind.single`."""
+        rays, best, out, work = ray
+        scratch = self._new_scratch(1)
+        found: list[list[StoredCall]] = []
+        for any_hit in (False, True):
+            search = StoredCall(
+                trace_patches, self.table, self.tree, rays, _NOT_MOVED, _NO_CELLS, best, any_hit,
+                scratch, _NO_GUESS, work,
+            )  # fmt: skip
+            doubts = Returned(search, 1)
+            settle = StoredCall(
+                settle_doubts, self._told, rays, _NOT_MOVED, best, any_hit, scratch, doubts, work,
+                only_if=doubts,
+            )  # fmt: skip
+            found.append([search, settle])
+        basis = self._new_basis()
+        describe = [StoredCall(finish_patches, self._told, rays, best, kind_of, kind, basis, out)]
+        if self._sheets is not None:
+            named = self._sheets.arguments(best.object_id, out)
+            describe.append(StoredCall(name_on_sheets, *named))
+        return Single(found[0], found[1], describe)
 
 
 def _difference(

@@ -18,7 +18,7 @@ from hybrid_rt.core.records import IntArray
 from hybrid_rt.core.threads import Pool
 from hybrid_rt.intersection.kind import CurvedKind, Kind
 from hybrid_rt.intersection.kinds.closed_forms import ClosedForm
-from hybrid_rt.intersection.members import asked_by_all, in_frames
+from hybrid_rt.intersection.members import in_frames
 from hybrid_rt.intersection.trims import whole_of
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.primitives.asphere import Asphere
@@ -42,7 +42,8 @@ MANY: dict[type[Surface], int] = {
     Asphere: 16,
     SurfaceOfRevolution: 8,
 }
-# Classes of which single rays can be traced.
+
+# Classes that a single ray asks without a call, see `hybrid_rt.intersection.kernels.single_rays`.
 SINGLE = (Sphere, Rectangle, Plane, Box)
 
 Members: TypeAlias = list[tuple[int, Any]]
@@ -98,18 +99,6 @@ def check_surfaces(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
 def by_entry(surfaces: Sequence[Surface]) -> list[list[Surface]]:
     """Return checked surfaces sorted by their entries; of those that go together one list each."""
     return [[surface for _, surface in found] for found in _members_of(surfaces).values() if found]
-
-
-def takes_single_rays(surfaces: Sequence[Surface]) -> bool:
-    """Tell whether `hybrid_rt.intersection.kinds.closed_forms.closed_forms` serves these surfaces."""
-    sizes: dict[type[Surface], list[float]] = {}
-    for surface in surfaces:
-        entry = _entry_of(surface)
-        if entry is None or entry.surface not in SINGLE:
-            return False
-        if surface.is_bounded:
-            sizes.setdefault(entry.surface, []).append(surface.size)
-    return all(bool(asked_by_all(np.array(s), MANY[of]).all()) for of, s in sizes.items())
 
 
 def count_by_kind(surfaces: Sequence[Surface]) -> dict[str, int]:

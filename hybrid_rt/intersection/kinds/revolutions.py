@@ -40,10 +40,11 @@ from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tolerances import DEPTH, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import new_stack
 from hybrid_rt.intersection.kernels.search.trims import Trim
-from hybrid_rt.intersection.kind import Finished, widen_bounds
+from hybrid_rt.intersection.kind import Finished, OneRow, Single, widen_bounds
 from hybrid_rt.intersection.members import in_order
 from hybrid_rt.intersection.trims import trim_of, trimmed_of, whole_of
 from meshing import SurfaceOfRevolution, TrimmedSurface
+from meshing.kernels.stored_calls import StoredCall
 from meshing.profiles import cosine_and_sine, homogeneous
 
 if TYPE_CHECKING:
@@ -192,6 +193,32 @@ class RevolutionKind:
         finish_revolutions(self.table, rays, best, row_of, np.empty(RAY), out)
         if self._is_moved:
             widen_bounds(self._moved, rays, best, kind_of, kind, out)
+
+    def single(self, ray: OneRow, kind_of: IntArray, kind: int) -> Single:
+        """See `hybrid_rt.intersection.kind.Kind.single`."""
+        rays, best, out, work = ray
+        none, nowhere, scratch = np.empty(0, np.int32), np.empty(0), _new_scratch(self.table)
+        found: list[list[StoredCall]] = []
+        for any_hit in (False, True):
+            found.append([])
+            if self._n_plain:
+                found[-1].append(
+                    StoredCall(
+                        trace_revolutions, self.table, self._n_plain, rays, none, best, any_hit,
+                        nowhere, scratch, work,
+                    )
+                )  # fmt: skip
+            found[-1] += [
+                StoredCall(
+                    trace_revolution_tree, self.table, members, rays, none, best, any_hit,
+                    scratch, new_stack(members.tree), work,
+                )
+                for members in self._in_trees
+            ]  # fmt: skip
+        row_of = self._rows(len(kind_of))
+        row_of[kind_of != kind] = -1
+        finish = StoredCall(finish_revolutions, self.table, rays, best, row_of, np.empty(RAY), out)
+        return Single(found[0], found[1], [finish])
 
 
 def _with_conversion(

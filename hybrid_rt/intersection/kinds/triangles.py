@@ -21,10 +21,11 @@ from hybrid_rt.intersection.kernels.triangle import (
     rows_of_faces,
     trace_triangles,
 )
-from hybrid_rt.intersection.kind import Finished
+from hybrid_rt.intersection.kind import Finished, OneRow, Single
 from hybrid_rt.intersection.margins import Aim, Probes, Rows, Search
 from hybrid_rt.intersection.members import SMALL_PART, frame_of, in_frames, tree_over
 from hybrid_rt.primitives import TriangleMesh
+from meshing.kernels.stored_calls import StoredCall
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.coarse.proposals import Coarse
@@ -121,6 +122,22 @@ class TriangleKind:
     ) -> None:
         """Describe the hits that are on meshes."""
         finish_triangles(self.table, rays, best, kind_of, kind, out)
+
+    def single(self, ray: OneRow, kind_of: IntArray, kind: int) -> Single:
+        """See `hybrid_rt.intersection.kind.Kind.single`."""
+        rays, best, out, work = ray
+        first, any_hit = (
+            [
+                StoredCall(
+                    trace_triangles, self.table, members, longest, rays, _NOT_MOVED, best, some,
+                    new_stack(members.tree), work,
+                )
+                for members, longest in self._trees
+            ]
+            for some in (False, True)
+        )  # fmt: skip
+        finish = StoredCall(finish_triangles, self.table, rays, best, kind_of, kind, out)
+        return Single(first, any_hit, [finish])
 
     @property
     def frame(self) -> float:

@@ -1,20 +1,20 @@
 """Parameters of patches made those of their sheet, for the hits of a batch."""
 
-import numpy as np
-
 from meshing.kernels.jit import kernel
 
 
 @kernel
-def name_on_sheet(object_id, number, spans, patch_id, u, v):
-    """Replace u and v of the hits on one object by those across its sheet.
+def name_on_sheets(object_id, first, spans, patch_id, u, v):
+    """Replace u and v of hits on sheets by those across the whole sheet.
 
     ``object_id`` (n,) int32; ``patch_id`` (n,) int32; ``u``, ``v`` (n,), changed.
-    ``number``: the sheet's.
+    ``first`` (objects,) int64: the row of ``spans`` of the first patch of each; -1: no sheet, as those
+    beyond the last.
     ``spans`` (k, 4): u0, u1, v0, v1 of each patch.
     """
     for i in range(object_id.shape[0]):
-        if object_id[i] == number:
-            span = spans[np.int64(patch_id[i])]
+        k = object_id[i]
+        if 0 <= k < first.shape[0] and first[k] >= 0:
+            span = spans[first[k] + patch_id[i]]
             u[i] = span[1] if u[i] == 1.0 else span[0] + u[i] * (span[1] - span[0])
             v[i] = span[3] if v[i] == 1.0 else span[2] + v[i] * (span[3] - span[2])
