@@ -23,11 +23,11 @@ from sphinx.util import logging
 
 MODULES = ("hybrid_rt", "meshing")
 INNER = frozenset((
-    "area_sampler", "ball", "ball_radius", "blur_stays", "carrier", "closed_forms",
+    "area_sampler", "ball", "ball_radius", "blur_stays", "carrier", "count_single_rays",
     "direction_pdf", "error_power", "exact_normal", "film_lock", "flip_of_uv", "frame",
     "is_freeform", "is_triangular", "joined_spans", "lobes", "local_exponent", "local_zones",
     "meet", "middle", "pieces", "poles", "reach", "revolution_frame", "rounding_reach", "row",
-    "sides", "spans", "starts", "surface", "table", "without_light_paths",
+    "sides", "single_rays", "spans", "starts", "surface", "table", "without_light_paths",
 ))  # fmt: skip
 LOG = logging.getLogger(__name__)
 

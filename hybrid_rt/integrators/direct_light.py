@@ -16,8 +16,7 @@ from hybrid_rt.integrators.kernels.compaction import (
     pack_shadow_rays,
 )
 from hybrid_rt.integrators.light_points import pdf_area_of_hits, seen_points
-from hybrid_rt.integrators.shading import NO_MEDIA, NO_NORMALS, NO_RATIO, Shading
-from hybrid_rt.primitives.vertex_normals import shading_normals
+from hybrid_rt.integrators.shading import NO_MEDIA, NO_NORMALS, NO_RATIO, Shading, mesh_points
 from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.shading.kernels.emitter import UNWEIGHTED, Met, light_on_hits, light_on_rays
 from hybrid_rt.shading.kernels.light_kinds import LightPoints
@@ -28,6 +27,7 @@ from hybrid_rt.shading.kernels.medium_stack import (
     take_media_toward,
     weaken_by_ways,
 )
+from hybrid_rt.shading.kernels.mesh_points import MeshPoints, shading_normals, texture_points
 from hybrid_rt.shading.kernels.texture import lobe_colors
 
 NO_CONNECTION = np.zeros(0)
@@ -55,6 +55,9 @@ class SurfaceLight:
         self._strategy, self._traits = strategy, traits
         self.n_slots = int(np.diff(context.scene.lobes.first).max(initial=0))
         self._constant_colors = self._colors_without_lookup()
+        self.meshes: MeshPoints = context.scene.once(
+            "mesh points", lambda: mesh_points(context.scene)
+        )
         self._before = np.cumsum(context.scene.lights.chance)
         self._rough_glass_of = self._lobes_of_rough_glass()
 
@@ -84,16 +87,11 @@ class SurfaceLight:
         At texture coordinates on meshes that have some, and at (u, v) elsewhere. Densities of points
         on lights are those of (u, v).
         """
-        meshes = self._context.scene.unwrapped
-        if not meshes:
+        if self.meshes.first_patch.size == 0:
             return hits.u, hits.v
-        u, v = hits.u.copy(), hits.v.copy()
-        for object_id, mesh in meshes.items():
-            rows = np.flatnonzero(hits.object_id == object_id)
-            if rows.size:
-                place = mesh.texture_point(hits.u[rows], hits.v[rows], hits.patch_id[rows])
-                u[rows], v[rows] = place[:, 0], place[:, 1]
-        return u, v
+        place = np.empty((2, len(hits)))
+        texture_points(self.meshes, hits.object_id, hits.patch_id, hits.u, hits.v, place)
+        return place[0], place[1]
 
     def shading(
         self,
@@ -221,14 +219,19 @@ class SurfaceLight:
 
     def shading_normals(self, hits: HitRecord, directions: FloatArray) -> FloatArray:
         """Return normals to shade by, (n, 3); (0, 3) if all are those of the hits."""
-        meshes = self._context.scene.vertex_normals
-        if not meshes:
+        if self.meshes.first_face.size == 0:
             return NO_NORMALS
-        normal = hits.normal.copy()
-        for object_id, normals in meshes.items():
-            rows = np.flatnonzero(hits.object_id == object_id)
-            mesh = self._context.scene.surfaces[object_id]
-            normal[rows] = shading_normals(hits, directions, rows, mesh, normals)
+        normal = np.empty_like(hits.normal)
+        shading_normals(
+            self.meshes,
+            hits.object_id,
+            hits.patch_id,
+            hits.u,
+            hits.v,
+            directions,
+            hits.normal,
+            normal,
+        )
         return normal
 
     def from_one(

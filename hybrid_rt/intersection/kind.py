@@ -140,7 +140,9 @@ def calls_of(kinds: Sequence[Single]) -> tuple[NDArray[np.int64], NDArray[np.int
     lists = [some for single in kinds for some in single]
     ends = np.cumsum([0, *map(len, lists)])
     begins = np.array([ends[3 * k : 3 * k + 4] for k in range(len(kinds))], np.int64)
-    return np.array([call.address for some in lists for call in some], np.int64), begins.reshape(-1, 4)
+    return np.array([call.address for some in lists for call in some], np.int64), begins.reshape(
+        -1, 4
+    )
 
 
 def new_nearest(t_max: FloatArray) -> Nearest:

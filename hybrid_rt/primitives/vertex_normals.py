@@ -1,9 +1,8 @@
-"""Vertex normals of triangle meshes, and their interpolation."""
+"""Vertex normals of triangle meshes."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hybrid_rt.core.records import FloatArray, HitRecord
+from hybrid_rt.core.records import FloatArray
 from hybrid_rt.primitives import TriangleMesh
 
 
@@ -25,28 +24,6 @@ def vertex_normals(mesh: TriangleMesh) -> FloatArray:
         angle = np.arccos(np.clip(np.einsum("ij,ij->i", a, b), -1.0, 1.0))
         np.add.at(total, place[mesh.faces[:, k]], angle[:, None] * flat)
     return _unit(total)[place]
-
-
-def shading_normals(
-    hits: HitRecord,
-    directions: FloatArray,
-    rows: NDArray[np.intp],
-    mesh: TriangleMesh,
-    normals: FloatArray,
-) -> FloatArray:
-    """Return the shading normals (rows, 3) of some hits on a mesh.
-
-    Where a ray arrives on different sides of the two normals, along silhouettes, that is the face normal.
-    """
-    face = mesh.faces[hits.patch_id[rows]]
-    u, v = hits.u[rows][:, None], hits.v[rows][:, None]
-    smooth = _unit(
-        (1.0 - u - v) * normals[face[:, 0]] + u * normals[face[:, 1]] + v * normals[face[:, 2]]
-    )
-    way, flat = directions[rows], hits.normal[rows]
-    before = np.einsum("ij,ij->i", flat, way)
-    after = np.einsum("ij,ij->i", smooth, way)
-    return np.where((before * after > 0.0)[:, None], smooth, flat)
 
 
 def _unit(vectors: FloatArray) -> FloatArray:

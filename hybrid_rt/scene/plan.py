@@ -6,7 +6,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from hybrid_rt.intersection.kinds.registry import takes_single_rays
 from hybrid_rt.scene.compiled import CompiledScene
 from hybrid_rt.scene.touching import touching
 from hybrid_rt.shading.kernels.light_kinds import WITHOUT_AREA
@@ -201,14 +200,11 @@ def _plan_rays(plan: Plan, scene: CompiledScene, integrator: Needs) -> None:
         "the integrator follows many rays at once": not integrator.follows_single_paths,
         "clear bodies may touch other surfaces": plan["contacts"],
         "points of a lamp are chosen for many rays at once": bool(scene.shining),
-        "normals are interpolated over a mesh": bool(scene.vertex_normals),
-        "some surfaces are searched by trees": not takes_single_rays(scene.surfaces),
     }
     why = next((reason for reason, holds in reasons.items() if holds), "")
     plan.decide(
-        "single rays", not why, "all surfaces are closed forms: paths are followed one by one", why
+        "single rays", not why, "behind the camera's rays, paths are followed one by one", why
     )
-    plan.decide("rays in batches", bool(why), why, "all surfaces are closed forms")
 
 
 def _plan_photons(plan: Plan, scene: CompiledScene, integrator: Needs) -> None:

@@ -1,9 +1,7 @@
 """One vertex of a camera path, from the hit to the direction that it goes on in.
 
-The pieces are those of `hybrid_rt.shading.kernels`: here is said in which order they are called. All
-state of the path is in arrays of one row, so the same code serves a path that is followed to its end
-(`hybrid_rt.integrators.kernels.followed_paths`) and one of a batch that advances together
-(`hybrid_rt.integrators.kernels.path_batches`).
+The pieces are those of `hybrid_rt.shading.kernels`: here is said in which order they are called. The loop that
+calls them is `hybrid_rt.integrators.kernels.followed_paths`.
 """
 
 from typing import Any, NamedTuple
@@ -81,6 +79,7 @@ class World(NamedTuple):
     )
     rough_glass_of: Any  # (materials,) int32, its dielectric lobe if that is rough; (0,): none is
     textures: Any  # TextureTable
+    meshes: Any  # MeshPoints
     lights: Any  # LightTable
     light_cdf: Any  # (lights + 1,) float64, cumulative distribution of the lights
     sky: Any  # EnvironmentTable
@@ -101,10 +100,10 @@ class Rules(NamedTuple):
 
     seed: Any  # uint64
     first_dimension: Any  # uint64, of the random numbers of the first vertex
+    follows: Any  # bool, each path is followed to its end before the next begins
     strategy: Any  # int, see `hybrid_rt.shading.kernels.emitter`
     samples_lights: Any  # bool, next-event estimation
     has_sky: Any  # bool
-    has_colors: Any  # bool, the colours of each vertex come with it
     has_light_paths: Any  # bool
     # int, lights that next-event estimation by way of mirrors and glass samples at all vertices: see
     # `hybrid_rt.integrators.kernels.ways`
@@ -145,6 +144,7 @@ class Block(NamedTuple):
     sample: Any  # (n,) uint64
     origins: Any  # (n, 3) float64
     directions: Any  # (n, 3) float64, unit
+    media: Any  # (STACK,) int32, or (0,): the medium stack that they begin in
     # What they are weighed against light paths by; (0,) without.
     camera_pdf: Any  # (n,) float64, see `hybrid_rt.sensor.projection.Projection.direction_pdf`
     pass_number: Any  # (n,) int64, among the passes that are traced together
@@ -158,6 +158,7 @@ class Tally(NamedTuple):
     # what all paths carried behind the first surface that spreads light, or to the end if there was none
     lost: Any
     unclosed: Any  # (lobes,) int64, see `cross_medium`
+    # Of rays that are traced one by one:
     status: Any  # (3,) int64, first hits by `Status`
     hits: Any  # (3,) int64: rays that hit, those of the camera, those without a bound
     shadow: Any  # (1,) int64: shadow rays
@@ -219,7 +220,7 @@ def emitted(world, rules, paths, vertex, depth, pdf_area):
 
 
 @inlined
-def look_up_surface(world, rules, paths, vertex):
+def look_up_surface(world, paths, vertex):
     """Look up the colours of the lobes and what lies beyond; tell which lobes there are.
 
     Returns whether one is not a delta, and whether one is.
@@ -230,8 +231,6 @@ def look_up_surface(world, rules, paths, vertex):
     for j in range(lobes.first[material + 1] - first):
         spreads |= lobes.traits[first + j] & SPREADS != 0
         mirrors |= lobes.traits[first + j] & DELTA != 0
-        if rules.has_colors:
-            continue
         r, g, b = texture_color(
             world.textures, lobes.texture[first + j], hit.u[0], hit.v[0],
             hit.position[0, 0], hit.position[0, 1], hit.position[0, 2],
@@ -331,7 +330,7 @@ def leave_vertex(
         Whether ``branch`` goes on as well.
     """
     hit, xi = vertex.hit, points.xi
-    spreads, mirrors = look_up_surface(world, rules, paths, vertex)
+    spreads, mirrors = look_up_surface(world, paths, vertex)
     diffuse_only = rules.has_light_paths and world.diffuse_only[vertex.material[0]]
     # What this surface sends back along a far ray is known already, but for that of delta lobes.
     is_known = diffuse_only and paths.joined[0] and hit.t[0] >= rules.min_distance

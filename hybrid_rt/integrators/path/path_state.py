@@ -5,20 +5,23 @@ from __future__ import annotations
 import numpy as np
 
 from hybrid_rt.core.ledger import Ledger
-from hybrid_rt.core.records import HitRecord, Status
+from hybrid_rt.core.records import HitRecord, NamedPoints, Status
+from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.ball_optics import MOST_WAYS
+from hybrid_rt.integrators.kernels.branches import MOST_SPLITS
 from hybrid_rt.integrators.kernels.compaction import Paths
 from hybrid_rt.integrators.kernels.connections import CANDIDATES
+from hybrid_rt.integrators.kernels.followed_paths import Doubtful
 from hybrid_rt.integrators.kernels.path_vertex import Tally, Vertex
 from hybrid_rt.integrators.kernels.ways import N_COLUMNS
 from hybrid_rt.integrators.light_points import new_light_points
-from hybrid_rt.intersection import Intersector
-from hybrid_rt.intersection.kernels.closed_forms import OneRay
-from hybrid_rt.intersection.kernels.search.nearest import Rays
 from hybrid_rt.intersection.kernels.search.rays import Record
-from hybrid_rt.intersection.kind import Finished, new_nearest, new_record
+from hybrid_rt.intersection.single_rays import SingleRayTracer
 from hybrid_rt.shading.kernels.medium_stack import STACK
 from hybrid_rt.shading.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR
+
+# From so many on they are traced together.
+MOST_DOUBTFUL = 2**14
 
 
 def new_paths(n: int, media_depth: int, has_light_paths: bool, samples_specular: bool) -> Paths:
@@ -51,17 +54,6 @@ def new_paths(n: int, media_depth: int, has_light_paths: bool, samples_specular:
         has_met_wide=np.empty(n if has_light_paths else 0, dtype=np.bool_),
         chain=np.empty(n if samples_specular else 0, dtype=np.int8),
         anchor=np.empty((n if samples_specular else 0, N_COLUMNS)),
-    )
-
-
-def new_ray() -> OneRay:
-    """Allocate what one ray is traced with."""
-    record = new_record(1)
-    return OneRay(
-        rays=Rays(np.empty((1, 3)), np.empty((1, 3)), np.zeros(1), np.empty((1, 6))),
-        best=new_nearest(np.empty(1)),
-        record=columns_of(record),
-        out=Finished(*(getattr(record, name) for name in Finished._fields)),
     )
 
 
@@ -135,19 +127,32 @@ def count_vertices(tally: Tally, ledger: Ledger) -> None:
         ledger.unclosed[int(lobe)] += int(tally.unclosed[lobe])
 
 
-def count_rays(tally: Tally, ledger: Ledger, tracer: Intersector) -> None:
-    """Add to a ledger and an intersector the rays that `follow_paths` has traced."""
+def new_doubtful(max_depth: int) -> Doubtful:
+    """Allocate rays whose status is told later: room for what some paths may add."""
+    m = MOST_DOUBTFUL + 2 * (max_depth + 2) * (1 + MOST_SPLITS)
+    n, source_id = np.zeros(1, dtype=np.int64), np.empty(m, dtype=np.int32)
+    return Doubtful(n, np.empty((m, 3)), np.empty((m, 3)), source_id)
+
+
+def count_single_rays(
+    tally: Tally, doubtful: Doubtful, single: SingleRayTracer, context: RenderContext
+) -> None:
+    """Add to a ledger and an intersector the rays that were traced one by one.
+
+    The doubtful ones are traced once more, which tells their status, and forgotten.
+    """
+    ledger, n = context.ledger, int(doubtful.n[0])
+    if n:
+        source = NamedPoints(doubtful.source_id[:n], doubtful.origin[:n])
+        rays = doubtful.origin[:n], doubtful.direction[:n]
+        ledger.count_hits(context.tracer.intersect(*rays, source=source))
+        doubtful.n[0] = 0
     for status in Status:
         ledger.hits[status.name.lower()] += int(tally.status[status])
-    hits, of_camera, without_bound = map(int, tally.hits)
-    ledger.camera_hits += of_camera
-    ledger.camera_hits_without_bound += without_bound
-    ledger.largest_t_bound = max(ledger.largest_t_bound, float(tally.bound[0]))
     ledger.rays["shadow"] += int(tally.shadow[0])
-    rays = int(tally.status.sum())
-    counters = tracer.counters
-    counters["rays"] += rays
-    counters["hits"] += hits
-    counters["tangent"] += int(tally.status[Status.TANGENT])
-    counters["shadow_rays"] += int(tally.shadow[0])
-    counters["misses"] = counters["rays"] - counters["hits"]
+    ledger.camera_hits += int(tally.hits[1])
+    ledger.camera_hits_without_bound += int(tally.hits[2])
+    ledger.largest_t_bound = max(ledger.largest_t_bound, float(tally.bound[0]))
+    context.tracer.count_single_rays(tally.status, tally.hits, tally.shadow, single.work)
+    for counted in (tally.status, tally.hits, tally.shadow, tally.bound):
+        counted[:] = 0

@@ -3,13 +3,13 @@
 Kajiya, "The rendering equation", SIGGRAPH 1986; light that both next-event estimation and BSDF
 sampling find is weighted by the power heuristic (Veach and Guibas, "Optimally combining sampling
 techniques for Monte Carlo rendering", SIGGRAPH 1995). Each camera ray becomes one path, which
-may divide at glass. A batch of paths advances together, one bounce at a time; where all surfaces are closed
-forms each path is followed to its end before the next begins.
+may divide at glass. The first hits of a batch are found together, then each path is followed to its end.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -30,9 +30,8 @@ from hybrid_rt.integrators.integrator import (
 )
 from hybrid_rt.integrators.kernels.branches import MOST_SPLITS
 from hybrid_rt.integrators.kernels.compaction import Paths, add_to_pixels
-from hybrid_rt.integrators.kernels.followed_paths import follow_paths
+from hybrid_rt.integrators.kernels.followed_paths import Arrival, Scratch, follow_paths
 from hybrid_rt.integrators.kernels.light_paths import LightVertices
-from hybrid_rt.integrators.kernels.path_batches import Arrival, advance_paths
 from hybrid_rt.integrators.kernels.path_vertex import (
     FEW_SHADOW_RAYS,
     MOST_SHADOW_RAYS,
@@ -50,6 +49,7 @@ from hybrid_rt.integrators.kernels.vertex_points import (
 )
 from hybrid_rt.integrators.kernels.ways import ALL_LIGHTS, NO_LIGHTS, SKY_ALONE
 from hybrid_rt.integrators.light_points import new_light_points
+from hybrid_rt.integrators.media.contacts import NO_SECOND
 from hybrid_rt.integrators.options import PathOptions
 from hybrid_rt.integrators.path.balls import balls_of, no_balls
 from hybrid_rt.integrators.path.boxes import boxes_of, no_boxes
@@ -69,10 +69,10 @@ from hybrid_rt.integrators.path.light_paths import (
 from hybrid_rt.integrators.path.mirrors import mirrors_of, no_mirrors
 from hybrid_rt.integrators.path.path_state import (
     columns_of,
-    count_rays,
+    count_single_rays,
     count_vertices,
+    new_doubtful,
     new_paths,
-    new_ray,
     new_tally,
     new_vertex,
 )
@@ -83,10 +83,14 @@ from hybrid_rt.integrators.path.pilot import (
     PILOT_LIGHT_PATHS,
     work_times_noise,
 )
+from hybrid_rt.intersection.kind import new_record
+from hybrid_rt.intersection.single_rays import no_single_rays
 from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.sensor.passes import pass_of
 from hybrid_rt.shading.kernels.emitter import BOTH, DIRECTION_ONLY, LIGHT_ONLY
 from hybrid_rt.shading.kernels.lobes.register import DELTA, EVERY
+
+Kernel = Callable[..., tuple[int, int, int]]
 
 STRATEGIES = {"both": BOTH, "lights": LIGHT_ONLY, "directions": DIRECTION_ONLY}
 # Skies less uneven than this are found well enough by chance.
@@ -97,7 +101,6 @@ FEW_VERTICES = 0.02
 # Ways to the sky that contribute less than this part of its mean radiance are left to roulette.
 RR_SHARE = 0.1
 NO_NUMBER = np.zeros(0, dtype=np.int64)
-NO_COLORS = np.zeros((0, 0, 3))
 
 
 class PathTracer(Integrator):
@@ -118,7 +121,6 @@ class PathTracer(Integrator):
         self._samples_lights = asks and (plan["light samples"] or plan["sky samples"])
         self._split_glass = glass_alone(context.scene)
         self._diffuse_only = diffuse_materials(context.scene.lobes)
-        self._ends_known = self._diffuse_only & ~context.scene.materials_with(DELTA)[:-1]
         self._lamps: LightPathTracer | None = None
         keeps_all = self._may_connect_all()
         # One mirror, lens or narrow surface, and a surface on either end of the join, at least; or light of
@@ -132,12 +134,19 @@ class PathTracer(Integrator):
                 self._options,
                 keeps_all,
             )
-        # What single rays are traced by; None: paths advance together.
-        self._forms = context.tracer.closed_forms() if plan["single rays"] else None
         scene = context.scene
-        self._ray = new_ray()
+        # Where rays cannot be traced one by one, paths advance together.
+        single = context.tracer.single_rays() if plan["single rays"] else None
+        self._follows = single is not None
+        if plan["single rays"] and not self._follows:
+            why = f'accuracy="{context.tracer.accuracy}" takes hits from triangles, by batches'
+            plan.decide("single rays", False, "", why)
+        self._single = single or no_single_rays()
+        self._nowhere = Arrival(
+            columns_of(new_record(0)), NO_SECOND, new_light_points(0), NO_CONNECTION
+        )
         self._vertex = new_vertex(
-            self._ray.record,
+            self._single.ray.record,
             self._light.n_slots,
             smooth=bool(scene.vertex_normals),
             contacts=self._contacts is not None,
@@ -155,8 +164,8 @@ class PathTracer(Integrator):
             # Where the sky is sampled as well, a surface that is a mirror in part would be sampled twice.
             self._mirrors = mirrors_of(scene, alone=self._samples_sky)
         self._plan_ways()
-        self._path, self._branch = (self._new_paths(1) for _ in range(2))
-        self._points = new_run_points(RUN_ACROSS if self._forms is None else RUN_ALONG)
+        self._scratch = self._new_scratch()
+        self._doubtful = new_doubtful(context.max_depth if self._follows else 0)
         self.take(self._light_of(0, *self._no_light_vertices()))
         self._vertices_per_path = 0.0
 
@@ -229,7 +238,7 @@ class PathTracer(Integrator):
         # A surface that is a mirror in part would be sampled twice.
         self._mirrors = mirrors_of(self.context.scene, alone=True)
         self._plan_ways()
-        self._path, self._branch = (self._new_paths(1) for _ in range(2))
+        self._scratch = self._new_scratch()
 
     def _sky_to_sample(self) -> tuple[bool, float]:
         """Tell whether ways by mirrors and glass to the sky may be worth their time; and see `Rules.rr_radiance`."""
@@ -255,6 +264,17 @@ class PathTracer(Integrator):
     def _new_paths(self, n: int) -> Paths:
         return new_paths(
             n, self._camera_media.size, self._lamps is not None, self._samples_specular
+        )
+
+    def _new_scratch(self) -> Scratch:
+        return Scratch(
+            self._single.ray,
+            self._new_paths(1),
+            self._new_paths(1),
+            self._new_paths(MOST_SPLITS),
+            np.empty(MOST_SPLITS, dtype=np.int64),
+            self._vertex,
+            new_run_points(RUN_ALONG if self._follows else RUN_ACROSS),
         )
 
     def _plan_ways(self) -> None:
@@ -333,28 +353,41 @@ class PathTracer(Integrator):
             add_to_pixels(prepared.pixel[first:stop], prepared.value[first:stop], image)
 
     def _radiance(self, block: CameraBlock) -> FloatArray:
+        """Follow the paths of a block."""
         radiance = np.zeros_like(block.directions)
-        rays = self._block(block)
         tally = new_tally(self.context.scene.lobes.kind.size)
-        if self._forms is None:
-            self._advance(block, rays, radiance, tally)
+        kernel = partial(follow_paths, self._world(), self._rules())
+        if self._follows:
+            self._follow(kernel, self._block(block), radiance, tally)
         else:
-            with self.context.ledger.stage("paths"):
-                follow_paths(
-                    self._world(), self._rules(), rays, self._camera_media, self._forms,
-                    self._ray, self._path, self._branch, self._new_paths(MOST_SPLITS),
-                    np.empty(MOST_SPLITS, dtype=np.int64), self._vertex, self._points, shadow_rays(MOST_SHADOW_RAYS), radiance, tally,
-                )  # fmt: skip
-            count_rays(tally, self.context.ledger, self.context.tracer)
+            self._advance(kernel, block, radiance, tally)
         count_vertices(tally, self.context.ledger)
         return radiance
 
-    def _advance(self, block: CameraBlock, rays: Block, radiance: FloatArray, tally: Tally) -> None:
-        """Follow the paths of a block together, from vertex to vertex."""
+    def _follow(self, kernel: Kernel, rays: Block, radiance: FloatArray, tally: Tally) -> None:
+        """Follow each path to its end."""
+        arrival, end = self._nowhere, 0
+        # Where nothing is called, the kernel finds first hits as fast.
+        if not self._single.calls_nothing:
+            hits, _ = self._first_hits(rays.origins, rays.directions, None)
+            arrival = arrival._replace(hits=columns_of(hits))
+        paths, shadows = self._new_paths(0), shadow_rays(MOST_SHADOW_RAYS)
+        with self.context.ledger.stage("paths"):
+            while end < rays.pixel.size:
+                _, _, end = kernel(
+                    0, rays, paths, end, arrival, self._single.tables, self._scratch, radiance,
+                    shadows, paths, self._doubtful, tally,
+                )  # fmt: skip
+                count_single_rays(tally, self._doubtful, self._single, self.context)
+
+    def _advance(
+        self, kernel: Kernel, block: CameraBlock, radiance: FloatArray, tally: Tally
+    ) -> None:
+        """Advance all paths together, from vertex to vertex."""
+        rays = self._block(block)
         paths = leaving_camera(
             block, self._camera_media, self._lamps is not None, self._samples_specular
         )
-        world, rules = self._world(), self._rules()
         n = paths.camera_ray.size
         if (self._split_glass != NOTHING).any():
             n *= 1 + MOST_SPLITS
@@ -368,9 +401,9 @@ class PathTracer(Integrator):
             hits, second = self._first_hits(paths.origins, paths.directions, source)
             with self.context.ledger.stage("shade"):
                 # --- light they ran into; light we reach for; where they go next, and which stop
-                n_rays, n_out = advance_paths(
-                    world, rules, depth, rays, paths, self._arrival(paths, hits, second, depth),
-                    self._path, self._branch, self._vertex, self._points, radiance, shadows, out, tally,
+                n_rays, n_out, _ = kernel(
+                    depth, rays, paths, 0, self._shaded(paths, hits, second, depth),
+                    self._single.tables, self._scratch, radiance, shadows, out, self._doubtful, tally,
                 )  # fmt: skip
                 self._light.add_unblocked(shadows, n_rays, radiance)
             if n_out == 0:
@@ -378,28 +411,15 @@ class PathTracer(Integrator):
             paths = Paths(*(column[:n_out] for column in out))
             out, spare = spare, out
 
-    def _arrival(self, paths: Paths, hits: HitRecord, second: IntArray, depth: int) -> Arrival:
+    def _shaded(self, paths: Paths, hits: HitRecord, second: IntArray, depth: int) -> Arrival:
         points = new_light_points(0)
         if self._samples_lights and self.context.scene.shining:
             dimension = FIRST_PATH_DIMENSION + depth * PER_STEP + TO_LIGHT
             xi = self.context.sampler.points(paths.pixel, dimension, paths.sample)
             points = self._light.points_of_one(hits, xi)
-        colors = NO_COLORS
-        if self.context.plan["texture lookups"]:
-            material = self._light.material(hits)
-            if self._lamps is not None and self._lamps.min_distance < np.inf:
-                # See ``is_known`` in `leave_vertex`: these paths end there.
-                is_known = paths.joined & (hits.t >= self._lamps.min_distance)
-                is_known &= self._ends_known.take(material, mode="clip")
-                material = np.where(is_known, np.int32(NOTHING), material)
-            colors = self._light.colors(material, hits)
-        u, v = self._light.texture_points(hits)
         return Arrival(
-            # Kernels look (u, v) up in textures, and read it for nothing else.
-            columns_of(hits)._replace(u=u, v=v),
-            self._light.shading_normals(hits, paths.directions),
+            columns_of(hits),
             second,
-            colors,
             points,
             self._light.pdf_area_met(hits, paths.origins, paths.pdf, paths.connection_pdf),
         )
@@ -410,7 +430,10 @@ class PathTracer(Integrator):
             camera_pdf = self.context.scene.camera.direction_pdf(block.directions)
             passes = pass_of(block.pixel >> PIXEL_BITS, block.sample)
             number = passes.astype(np.int64) - self._light_vertices.first_pass
-        return Block(block.pixel, block.sample, block.origins, block.directions, camera_pdf, number)
+        return Block(
+            block.pixel, block.sample, block.origins, block.directions, self._camera_media,
+            camera_pdf, number,
+        )  # fmt: skip
 
     def _world(self) -> World:
         scene = self.context.scene
@@ -424,6 +447,7 @@ class PathTracer(Integrator):
             split_glass_of=self._split_glass,
             rough_glass_of=self._light.rough_glass_of,
             textures=scene.textures,
+            meshes=self._light.meshes,
             lights=scene.lights,
             light_cdf=np.cumsum(scene.lights.chance),
             sky=scene.sky,
@@ -444,9 +468,9 @@ class PathTracer(Integrator):
         return Rules(
             seed=context.sampler.seed,
             first_dimension=np.uint64(FIRST_PATH_DIMENSION),
+            follows=self._follows,
             strategy=STRATEGIES[self._options.strategy],
             samples_lights=self._samples_lights,
-            has_colors=self._forms is None and context.plan["texture lookups"],
             has_sky=context.scene.environment is not None,
             has_light_paths=self._lamps is not None,
             specular_lights=self._sampled_everywhere(),

@@ -25,6 +25,7 @@ from hybrid_rt.integrators.media.contacts import Contacts
 from hybrid_rt.integrators.path import path_tracer as path
 from hybrid_rt.integrators.path.light_paths import LightPathTracer
 from hybrid_rt.integrators.whitted import all_lights, whitted
+from hybrid_rt.intersection import Intersector
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight, SphereLight
 from hybrid_rt.lights.surface import ShiningBox
 from hybrid_rt.materials import (
@@ -176,8 +177,6 @@ class TestPlan:
          Object(Sphere((0, 0, 0), 1), Dielectric(1.5), "ball")],
         [SphereLight((0, 0, 3), 0.5, 9)],
     )  # fmt: skip
-    # A vase wants rays in batches, so its paths advance together.
-    VASE = SurfaceOfRevolution([(0.0, 0.8), (1.0, 0.6)], (0, 0, -0.5), (0, 0, 1))
 
     @pytest.mark.parametrize("batches", [False, True], ids=["followed", "in batches"])
     @pytest.mark.parametrize(
@@ -188,11 +187,11 @@ class TestPlan:
              scene(Lambertian(0.5))),
             (lambda to: to.rules.has_sky, scene(Lambertian(0.5), environment=None),
              scene(Lambertian(0.5))),
-            (lambda to: to.path.media.shape[1] == STACK, scene(Metal(0.5, 0.1)),
+            (lambda to: to.scratch.path.media.shape[1] == STACK, scene(Metal(0.5, 0.1)),
              scene(Dielectric())),
-            (lambda to: to.rules.has_light_paths and to.path.connection_pdf.size, scene(Dielectric()),
-             ABOVE_A_TABLE),
-            (lambda to: to.vertex.ratio.size, scene(Dielectric()),
+            (lambda to: to.rules.has_light_paths and to.scratch.path.connection_pdf.size,
+             scene(Dielectric()), ABOVE_A_TABLE),
+            (lambda to: to.scratch.vertex.ratio.size, scene(Dielectric()),
              scene(RoughDielectric(1.5, 0.3))),
         ],
         ids=["no matt", "no light", "nothing seen", "glass", "nothing lit by glass", "rough glass"],
@@ -201,8 +200,9 @@ class TestPlan:
         self, monkeypatch, needs, needless, needed, batches
     ):
         """Kernels of paths hold all that paths may do; tables without rows leave it out."""
-        name = "advance_paths" if batches else "follow_paths"
-        kernel, passed = getattr(path, name), []
+        if batches:
+            monkeypatch.setattr(Intersector, "single_rays", lambda _: None)
+        name, kernel, passed = "follow_paths", path.follow_paths, []
         names = list(signature(getattr(kernel, "py_func", kernel)).parameters)
 
         def recorded(*arguments):
@@ -211,11 +211,9 @@ class TestPlan:
 
         monkeypatch.setattr(path, name, recorded)
         for shown, is_needed in ((needless, False), (needed, True)):
-            objects = list(shown.objects)
-            if batches:
-                objects.append(Object(self.VASE, shown.objects[-1].material, "vase"))
             passed.clear()
-            render(Scene(shown.camera, objects, shown.lights, shown.environment), "path", passes=1)
+            render(shown, "path", passes=1)
+            assert {to.rules.follows for to in passed} == {not batches}
             assert {bool(needs(to)) for to in passed} == {is_needed}
 
     def test_pinholes_take_no_lens_samples(self, monkeypatch):
