@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from meshing.bpt import read_patches, write_patches
-from meshing.checks import FloatArray, IdArray, as_affine, as_path, freeze
+from meshing.checks import FloatArray, IdArray, as_affine, as_path, check_is_file, freeze
 from meshing.double_double import Pair, affine_image
 from meshing.kernels import bernstein, subdivision
 from meshing.nets import as_nets, as_weights, check_finite, degrees_in_words, is_rational
@@ -131,8 +131,7 @@ class BezierPatches(ParametricSurface):
             what was expected there.
         """
         file = as_path(path, "BezierPatches file")
-        if not file.is_file():
-            raise FileNotFoundError(f"BezierPatches file is {str(path)!r}: there is no such file")
+        check_is_file(file, f"BezierPatches file {str(path)!r}")
         return cls(read_patches(file))
 
     @classmethod

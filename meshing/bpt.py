@@ -16,6 +16,7 @@ from meshing.kernels.bernstein import MAX_DEGREE
 from meshing.outputs import replacing
 
 T = TypeVar("T")
+_EXPECTED = "pass a .bpt file (CAD files are read by hybrid_rt.read_cad, meshes by hybrid_rt.TriangleMesh.read)"
 
 
 class _Lines:
@@ -51,8 +52,11 @@ def read_patches(path: str | Path) -> list[FloatArray]:
     try:
         lines = _Lines(Path(path))
     except UnicodeDecodeError:
-        raise ValueError(f"{path} is not a text file: a .bpt file was expected") from None
-    (count,) = lines.take("the number of patches (1 or more)", lambda words: _counts(words, 1))
+        raise ValueError(f"{path} is not a text file: {_EXPECTED}") from None
+    try:
+        (count,) = lines.take("the number of patches (1 or more)", lambda words: _counts(words, 1))
+    except ValueError as error:
+        raise ValueError(f"{error}: {_EXPECTED}") from None
     patches = [_read_patch(lines, p, count) for p in range(count)]
     for number, words in lines.left:
         lines.number = number

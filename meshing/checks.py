@@ -188,6 +188,14 @@ def as_path(value: str | os.PathLike[str], what: str) -> Path:
     return path
 
 
+def check_is_file(path: Path, what: str) -> None:
+    """Refuse a path at which there is no file; ``what`` names it."""
+    if path.is_dir():
+        raise IsADirectoryError(f"{what} is a folder: pass a file")
+    if not path.is_file():
+        raise FileNotFoundError(f"{what}: there is no such file")
+
+
 def as_affine(matrix: ArrayLike, kind: str) -> tuple[FloatArray, FloatArray]:
     """Split a (4, 4) affine map, not singular, into linear part (3, 3) and translation (3,).
 

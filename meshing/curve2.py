@@ -12,7 +12,7 @@ from math import comb, lcm
 import numpy as np
 from numpy.typing import ArrayLike
 
-from meshing.checks import FloatArray, as_floats, freeze, shown, whole
+from meshing.checks import FloatArray, as_floats, freeze, number, shown, whole
 from meshing.double_double import exact_sum, pair_of, times
 from meshing.double_double import over as quotient
 from meshing.kernels.bernstein import MAX_DEGREE
@@ -37,11 +37,14 @@ class Curve2:
     weights : (n + 1,) array, optional
         Positive, the smallest at least 1e-6 of the largest; only their ratios matter. Default: all
         1.
+    gap_share : float
+        Part of the gap of a `TrimmedSurface` that counts at this curve, from 0 to 1.
 
     Attributes
     ----------
     control : (n + 1, 2) float64, read-only
     weights : (n + 1,) float64, read-only, or None if all are equal
+    gap_share
 
     Raises
     ------
@@ -50,7 +53,9 @@ class Curve2:
         point, and weights that are not positive or too far apart.
     """
 
-    def __init__(self, control: ArrayLike, weights: ArrayLike | None = None) -> None:
+    def __init__(
+        self, control: ArrayLike, weights: ArrayLike | None = None, gap_share: float = 1.0
+    ) -> None:
         points = as_floats(control, "Curve2 control")
         if points.ndim != 2 or points.shape[1] != 2:
             raise ValueError(f"Curve2 control has shape {points.shape}: pass (n + 1, 2)")
@@ -72,6 +77,7 @@ class Curve2:
             array = _as_weights(weights, "Curve2 weights", len(points))
             if (array != array[0]).any():
                 self.weights = freeze(array.copy())
+        self.gap_share = number(gap_share, "Curve2 gap_share", at_least=0.0, up_to=1.0)
 
     @property
     def degree(self) -> int:
@@ -87,7 +93,7 @@ class Curve2:
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle control points and weights; loading checks them again."""
         weights = None if self.weights is None else np.array(self.weights)
-        return type(self), (np.array(self.control), weights)
+        return type(self), (np.array(self.control), weights, self.gap_share)
 
     def point(self, s: ArrayLike) -> FloatArray:
         """Return points of the arc, (n, 2) float64, at parameters s (n,) from 0 to 1."""

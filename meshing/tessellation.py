@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from meshing.body_mesh import mesh_of_faces
 from meshing.certified_mesh import CertifiedMesh
 from meshing.checks import FloatArray, number, whole
 from meshing.leaves import cut, rings_of_leaves
@@ -11,7 +12,6 @@ from meshing.sheet import PatchSheet
 from meshing.spans import across
 from meshing.surface import Surface
 from meshing.trimmed import TrimmedSurface
-from meshing.trimmed_mesh import mesh_of_faces
 
 # About 3 GB with everything that is needed on the way.
 MAX_TRIANGLES = 20_000_000

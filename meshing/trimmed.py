@@ -78,10 +78,10 @@ class TrimmedSurface(Surface):
         ends. Ends that are up to 1e-5 apart are joined by a straight line.
     gap : float
         Distance, in scene units, by which neighbouring faces of a part may disagree about their
-        common edge. Roots outside the loops within ``gap / |cos|`` of an edge are hits too, where
-        cos is the cosine between ray and normal, and at least 1e-3. They and the roots equally near
-        inside have the flag EDGE, and ``gap / |cos|`` is part of their ``t_bound``. 0: no such
-        hits. Where a loop runs along the border of the surface itself only the roots inside have the
+        common edge; at a curve its `gap_share` of it. Roots outside the loops within ``gap / |cos|`` of a
+        curve are hits too, where cos is the cosine between ray and normal, and at least 1e-3. They and the
+        roots equally near inside have the flag EDGE, and ``gap / |cos|`` is part of their ``t_bound``. 0: no
+        such hits. Where a loop runs along the border of the surface itself only the roots inside have the
         flag, as there is no surface beyond: let it reach at least a gap farther than its loops.
 
     Raises
@@ -274,10 +274,12 @@ class TrimmedSurface(Surface):
 
     def _turned(self, curve: Curve2) -> Curve2:
         if self.surface.flip_of_uv == "swapped":
-            return Curve2(curve.control[:, ::-1], curve.weights)
+            return Curve2(curve.control[:, ::-1], curve.weights, curve.gap_share)
         if self.surface.flip_of_uv == "u reversed":
-            return Curve2(curve.control * (-1.0, 1.0) + (1.0, 0.0), curve.weights)
-        return Curve2(curve.control * (1.0, -1.0) + (0.0, 1.0), curve.weights)
+            scale, shift = (-1.0, 1.0), (1.0, 0.0)
+        else:
+            scale, shift = (1.0, -1.0), (0.0, 1.0)
+        return Curve2(curve.control * scale + shift, curve.weights, curve.gap_share)
 
     def area_sampler(self) -> TrimmedCells:
         """Return the area sampler: some points that it chooses are outside the loops."""

@@ -1,4 +1,4 @@
-"""Triangles of trimmed surfaces, cut along their loops, and the joints of several.
+"""Triangles of trimmed surfaces, cut along their loops.
 
 Leaves inside the loops are triangulated whole, those that a curve crosses within what the chords of the
 curves enclose. With |S_u| <= p and |S_v| <= q, points (du, dv) apart in (u, v) are at most p |du| + q |dv| apart
@@ -10,18 +10,16 @@ the bound of the leaves add up.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meshing.bounds import TooManyTrianglesError
-from meshing.certified_mesh import CertifiedMesh
 from meshing.checks import BoolArray, FloatArray, IdArray, shown
-from meshing.curve2 import polygon
 from meshing.kernels import clipping
 from meshing.kernels.trims import (
     CROSSED,
+    GAP_SHARE,
     INSIDE,
     OUTSIDE,
     X_HIGH,
@@ -29,18 +27,14 @@ from meshing.kernels.trims import (
     Y_HIGH,
     Y_LOW,
 )
-from meshing.leaves import Cut, Keys, cut, rings_of_leaves
+from meshing.leaves import Cut, cut, rings_of_leaves
 from meshing.profiles import halve_curve
 from meshing.seams import label_points
 from meshing.spans import across
-from meshing.surface import Surface
 from meshing.trimmed import TrimmedSurface
 
 # The share of a tolerance for the leaves; that for the chords is the rest of it.
 OF_LEAVES = 0.75
-# The share of a tolerance by which edges that are meant to meet may be apart besides their gaps, as curves of files
-# are approximations of each other.
-OF_JOINTS = 1e-3
 # Curves of files miss the border of the unit square by as much where they are meant to run along it.
 ON_BORDER = 1e-9
 # Points of edges that meet agree up to roundings of many steps; over the largest coordinate.
@@ -53,64 +47,7 @@ MOST_CHORDS = 48
 DEEPEST = 30
 
 
-def mesh_of_faces(
-    surfaces: Sequence[Surface], tolerance: float, max_triangles: int
-) -> CertifiedMesh:
-    """Return the triangles of surfaces, joined where their edges coincide."""
-    for k, surface in enumerate(surfaces):
-        if not isinstance(surface, Surface):
-            raise TypeError(f"tessellate surface[{k}] is {shown(surface)}: pass surfaces")
-    if not surfaces:
-        raise ValueError("tessellate surface is an empty list: pass at least one surface")
-    joint = OF_JOINTS * tolerance if len(surfaces) > 1 else 0.0
-    faces = [_Face(_trimmed(surface), tolerance - joint, max_triangles) for surface in surfaces]
-    for face in faces:
-        face.triangulate()
-    pairs = _pairs_that_meet(faces, joint)
-    # Points of the other borders, and how near they are to be.
-    beside: list[list[FloatArray]] = [[np.empty((0, 4))] for _ in faces]
-    for i, j, gap in pairs:
-        for face, other in ((faces[i], faces[j]), (faces[j], faces[i])):
-            low, high = other.box
-            near = face.points[face.border]
-            near = near[((near >= low - gap) & (near <= high + gap)).all(axis=1)]
-            beside[j if face is faces[i] else i].append(np.insert(near, 3, gap, axis=1))
-    added = [face.places_near(np.concatenate(p)) for face, p in zip(faces, beside, strict=True)]
-    for face, places in zip(faces, added, strict=True):
-        if len(places):
-            face.add_cuts(places)
-            face.triangulate()
-    first = np.cumsum([0, *(len(face.points) for face in faces)])
-    points = np.concatenate([face.points for face in faces])
-    row = np.arange(len(points))
-    for i, j, gap in pairs:
-        _unite(row, points, first[i] + faces[i].border, first[j] + faces[j].border, gap)
-    row = _roots(row)
-    moved = float(np.linalg.norm(points - points[row], axis=1).max(initial=0.0))
-    corners = row[np.concatenate([face.faces + n for face, n in zip(faces, first, strict=False)])]
-    kept = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
-    kept[kept], off = _without_flaps(
-        points, corners[kept], max((gap for _, _, gap in pairs), default=0.0)
-    )
-    used, corners = np.unique(corners[kept], return_inverse=True)
-    return CertifiedMesh(
-        points[used],
-        corners.reshape(-1, 3),
-        np.concatenate([face.uv for face in faces])[kept],
-        np.concatenate([face.patch_id for face in faces])[kept],
-        max(face.bound for face in faces) + moved + off,
-        np.repeat(np.arange(len(faces), dtype=np.int32), [len(face.faces) for face in faces])[kept],
-    )
-
-
-def _trimmed(surface: Surface) -> TrimmedSurface:
-    """Return a surface with loops; those of a whole one are its border."""
-    if isinstance(surface, TrimmedSurface):
-        return surface
-    return TrimmedSurface(surface, [polygon([(0, 0), (1, 0), (1, 1), (0, 1)])])
-
-
-class _Face:
+class Face:
     """A trimmed surface cut into leaves."""
 
     points: FloatArray
@@ -119,6 +56,8 @@ class _Face:
     patch_id: NDArray[np.int32]
     border: NDArray[np.int64]
     """Rows of ``points`` on edges of one triangle."""
+    gaps: FloatArray
+    """The gap at each of these, and what rounding adds."""
     bound: float
 
     def __init__(self, surface: TrimmedSurface, tolerance: float, max_triangles: int) -> None:
@@ -146,7 +85,8 @@ class _Face:
             + 8.0 * clipping.NEAR
             + 2.0**-51 / min(1.0, widths.min(initial=1.0))
         )
-        bound = pieces.bound + rounded * float(most.sum())
+        self._rounded = rounded * float(most.sum())
+        bound = pieces.bound + self._rounded
         allowed = max(tolerance - bound, (1.0 - OF_LEAVES) * tolerance)
         self._nets = surface.table.net * (*np.maximum(most, 1e-300), 1.0)
         cuts_of = {
@@ -273,7 +213,23 @@ class _Face:
         self.points, self.faces = points, faces[kept]
         self.uv, self.patch_id = uv[kept], patch_id[kept]
         self.border = _border(self.faces)
+        self.gaps = self._gaps_at(points[self.border])
         self.bound = self._leaf_bound + self._chords_off() + moved
+
+    def _gaps_at(self, border: FloatArray) -> FloatArray:
+        """Return the gap at vertices of the border: that of the widest curve with an end of a chord there."""
+        n = len(border)
+        gaps = np.full(n, self.surface.gap)
+        if n and self.surface.gap:
+            ends = self._points(self._chords[:, :4].reshape(-1, 2))
+            label, _ = label_points(np.concatenate([border, ends]), self.rounding + self._rounded)
+            share = self._table.piece[self._chords[:, 4].astype(np.int64), GAP_SHARE]
+            widest = np.full(n + len(ends), -1.0)
+            np.maximum.at(widest, label[n:], np.repeat(share, 2))
+            own = widest[label[:n]]
+            gaps *= np.where(own < 0.0, 1.0, own)
+        found: FloatArray = gaps + self.rounding
+        return found
 
     @property
     def box(self) -> FloatArray:
@@ -403,21 +359,23 @@ class _Face:
     def places_near(self, points: FloatArray) -> FloatArray:
         """Return places (k, 2) on pieces that are near points and have no vertex there yet.
 
-        Points are (n, 4): x, y, z, and how near.
+        Points are (n, 4): x, y, z, and how near, besides the gap of the piece.
         """
         chords = self._chords
         chords = chords[chords[:, 5] != chords[:, 6]]
+        gap_of = self.surface.gap * self._table.piece[:, GAP_SHARE]
+        gap_of_chord = gap_of[chords[:, 4].astype(np.int64)]
         begin, end = (self._points(chords[:, k : k + 2]) for k in (0, 2))
         way, own = end - begin, self.points[self.border]
         square = np.maximum((way**2).sum(axis=1), 1e-300)
         chosen, owner = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
         for k, (*point, gap) in enumerate(points.tolist()):
-            if ((own - point) ** 2).sum(axis=1).min(initial=np.inf) <= gap**2:
+            if (((own - point) ** 2).sum(axis=1) <= (gap + self.gaps) ** 2).any():
                 continue
             away = point - begin
             share = np.clip((way * away).sum(axis=1) / square, 0.0, 1.0)
             apart = ((away - share[:, None] * way) ** 2).sum(axis=1)
-            chosen.append(np.flatnonzero(apart <= (gap + 2.0 * self.bound) ** 2))
+            chosen.append(np.flatnonzero(apart <= (gap + gap_of_chord + 2.0 * self.bound) ** 2))
             owner.append(np.full(len(chosen[-1]), k))
         near, number = np.concatenate(chosen), np.concatenate(owner)
         if not len(near):
@@ -436,7 +394,7 @@ class _Face:
         s, apart = s[rows, k], apart[rows, k]
         order = np.lexsort((apart, number))
         best = order[np.diff(number[order], prepend=-1) != 0]
-        best = best[apart[best] <= gaps[best]]
+        best = best[apart[best] <= gaps[best] + gap_of[piece[best]]]
         return np.column_stack([piece[best], s[best]])
 
     def _points(self, uv: FloatArray) -> FloatArray:
@@ -517,83 +475,13 @@ def _without_pairs(chords: FloatArray) -> FloatArray:
     return np.ascontiguousarray(odd)
 
 
-def _edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
+def edges_of(faces: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the edges of triangles, (n, 3, 2), the lower vertex first."""
     return np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2), axis=2)
 
 
 def _border(faces: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the vertices on edges that belong to one triangle."""
-    kept, counts = np.unique(_edges(faces).reshape(-1, 2), axis=0, return_counts=True)
+    kept, counts = np.unique(edges_of(faces).reshape(-1, 2), axis=0, return_counts=True)
     border: NDArray[np.int64] = np.unique(kept[counts == 1])
     return border
-
-
-def _pairs_that_meet(faces: list[_Face], joint: float) -> list[tuple[int, int, float]]:
-    """Return pairs of faces whose boxes meet, and the gap between these faces."""
-    low, high = np.stack([face.box for face in faces], axis=1)
-    gaps = np.array([face.surface.gap for face in faces])
-    roundings = np.array([face.rounding for face in faces])
-    found = []
-    for i in range(len(faces) - 1):
-        gap = joint + gaps[i] + gaps[i + 1 :] + np.maximum(roundings[i], roundings[i + 1 :])
-        apart = np.maximum(low[i + 1 :] - high[i], low[i] - high[i + 1 :]).max(axis=1)
-        found += [(i, i + 1 + j, float(gap[j])) for j in np.flatnonzero(apart <= gap).tolist()]
-    return found
-
-
-def _unite(row: NDArray[np.int64], points: FloatArray, a: Keys, b: Keys, gap: float) -> None:
-    """Unite each vertex of one border with the nearest of the other one, if it is within the gap."""
-    for mine, others in ((a, b), (b, a)):
-        if not len(others):
-            return
-        low, high = points[others].min(axis=0) - gap, points[others].max(axis=0) + gap
-        near = mine[((points[mine] >= low) & (points[mine] <= high)).all(axis=1)]
-        for i in near.tolist():
-            square = ((points[others] - points[i]) ** 2).sum(axis=1)
-            k = int(square.argmin())
-            if square[k] <= (gap * (1.0 + 1e-6)) ** 2:
-                one, two = _root(row, i), _root(row, int(others[k]))
-                row[max(one, two)] = min(one, two)
-
-
-def _without_flaps(
-    points: FloatArray, faces: NDArray[np.int64], gap: float
-) -> tuple[BoolArray, float]:
-    """Tell which triangles remain, and how far the others are from these.
-
-    Where two edges of a face leave a corner side by side, nearer than a gap, a neighbour of one has vertices
-    of both: flat triangles hang between them, on one edge alone and on one with more than two; or two of
-    two faces lie on each other.
-    """
-    a, b, c = (points[faces[:, k]] for k in range(3))
-    longest = np.max([np.linalg.norm(x - y, axis=1) for x, y in ((a, b), (b, c), (c, a))], axis=0)
-    height = np.linalg.norm(np.cross(b - a, c - a), axis=1) / np.maximum(longest, 1e-300)
-    _, number, counts = np.unique(
-        np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True
-    )
-    kept, off = np.ones(len(faces), np.bool_), 0.0
-    goes = (counts[number] == 2) & (height <= gap)
-    _, number = np.unique(_edges(faces).reshape(-1, 2), axis=0, return_inverse=True)
-    number = number.reshape(-1, 3)
-    while True:
-        off += float(height[goes].max(initial=0.0))
-        kept &= ~goes
-        goes = kept & (height <= gap)
-        counts = np.bincount(number[kept].ravel(), minlength=number.max(initial=-1) + 1)[number]
-        goes &= (counts == 1).any(axis=1) & (counts > 2).any(axis=1)
-        if not goes.any():
-            return kept, off
-
-
-def _root(row: NDArray[np.int64], i: int) -> int:
-    while row[i] != i:
-        i = int(row[i])
-    return i
-
-
-def _roots(row: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the first vertex that each is united with."""
-    while (row[row] != row).any():
-        row = row[row]
-    return row

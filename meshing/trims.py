@@ -67,7 +67,8 @@ def _joined(curves: list[Curve2], name: str) -> list[Curve2]:
     for k, curve in enumerate(curves):
         found.append(curve)
         following = (k + 1) % len(curves)
-        here, there = curve.control[-1], curves[following].control[0]
+        other = curves[following]
+        here, there = curve.control[-1], other.control[0]
         if (here == there).all():
             continue
         gap = float(np.hypot(*(there - here)))
@@ -76,7 +77,7 @@ def _joined(curves: list[Curve2], name: str) -> list[Curve2]:
                 f"{name} is open: curve {k} ends at {here.tolist()}, curve {following} begins at "
                 f"{there.tolist()}, {gap:.3g} away: pass curves that meet within {JOINED:g}"
             )
-        found.append(Curve2([here, there]))
+        found.append(Curve2([here, there], None, max(curve.gap_share, other.gap_share)))
     return found
 
 
@@ -102,9 +103,11 @@ def make_table(members: Sequence[Any]) -> TrimTable:
         own = _without_pairs(curves, _without_poles(own, member.poles))
         first = sum(len(before) for before in pieces)
         arcs.append(np.array([(starts[p.arc], degrees[p.arc]) for p in own], np.int64))
-        pieces.append(np.array([(p.s_low, *p.low, p.s_high, *p.high) for p in own]))
+        pieces.append(
+            np.array([(p.s_low, *p.low, p.s_high, *p.high, curves[p.arc].gap_share) for p in own])
+        )
         count = _power_of_two(len(own), LEAST_SLABS, MOST_SLABS)
-        begin, numbers = _slabs(pieces[-1].reshape(-1, 6), count)
+        begin, numbers = _slabs(pieces[-1].reshape(-1, 7), count)
         slabs.append(begin[1:] + slabs[-1][-1])
         listed.append(numbers + first)
         side = _power_of_two(8 * math.isqrt(len(own)), least_tiles, MOST_TILES)
@@ -118,7 +121,7 @@ def make_table(members: Sequence[Any]) -> TrimTable:
     table = TrimTable(
         net=np.concatenate([np.empty((0, 3)), *nets]),
         arc=np.concatenate([np.empty((0, 2), np.int64), *(a.reshape(-1, 2) for a in arcs)]),
-        piece=np.concatenate([np.empty((0, 6)), *(p.reshape(-1, 6) for p in pieces)]),
+        piece=np.concatenate([np.empty((0, 7)), *(p.reshape(-1, 7) for p in pieces)]),
         slab=np.concatenate(slabs),
         listed=np.concatenate([np.empty(0, np.int32), *listed]).astype(np.int32),
         tile=np.concatenate([np.empty(0, np.uint8), *tiles]),
@@ -185,6 +188,7 @@ def _around(loops: Iterable[Iterable[Curve2]], closes: tuple[bool, bool]) -> lis
 def _moved(curve: Curve2, turn: tuple[float, ...]) -> Curve2:
     moved = Curve2.__new__(Curve2)
     moved.control, moved.weights = curve.control + np.array(turn), curve.weights
+    moved.gap_share = curve.gap_share
     return moved
 
 

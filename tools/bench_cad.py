@@ -5,6 +5,9 @@ python tools/bench_cad.py FOLDER [--rays 200000] [--theirs 2000] [--out cad.json
 Rays aim at random points of the model's box from a sphere around it. OpenCASCADE is asked for its nearest
 hit (IntCurvesFace_ShapeIntersector) at the first of them; rounds of both take turns. Times are processor
 seconds. "same": rays for which both find the same t within 1e-6 of the size.
+With --edges rays are aimed at points of the curves that trim faces, every second one at a vertex. A line more
+tells how many of them do not enter and leave closed parts in turn, before and after `CadModel.paired`, and
+how many come in between faces: their first hit, if any, is from behind, and not within the gap of an edge.
 """
 
 import argparse
@@ -16,9 +19,11 @@ from typing import Any
 import numpy as np
 
 from hybrid_rt import Intersector, read_cad
+from hybrid_rt.cad.model import CadModel
 from hybrid_rt.cad.process import SUFFIXES
 from hybrid_rt.cli.command import kept, one_or_more, run_tool, say
-from hybrid_rt.core.records import FloatArray
+from hybrid_rt.core.records import Flag, FloatArray, Status
+from meshing import TrimmedSurface
 
 ROUNDS = 3
 HEADER = (
@@ -36,6 +41,41 @@ def rays_at(box: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
     origins = 0.5 * (low + high) + np.linalg.norm(high - low) * out
     ways = low + (high - low) * rng.random((n, 3)) - origins
     return origins, ways / np.linalg.norm(ways, axis=1)[:, None]
+
+
+def at_edges(model: CadModel, n: int) -> dict[str, Any]:
+    """Return what rays aimed at the edges of a model meet; there are about n."""
+    rng = np.random.default_rng(3)
+    faces = [s for s in model.surfaces if isinstance(s, TrimmedSurface)]
+    places = []
+    for face in faces:
+        curves = [curve for loop in face.loops for curve in loop]
+        m = -(-n // len(faces))
+        s = np.where(rng.random(m) < 0.5, 0.0, rng.random(m))
+        uv = np.concatenate(
+            [
+                curves[k].point([x])
+                for k, x in zip(rng.integers(len(curves), size=m), s, strict=True)
+            ]
+        )
+        places.append(face.point(*np.where(face.closes, uv % 1.0, np.clip(uv, 0.0, 1.0)).T))
+    aims = np.concatenate(places)
+    ways = rng.normal(size=aims.shape)
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    origins = aims - 2.0 * np.linalg.norm(np.ptp(model.bounds, axis=0)) * ways
+    tracer = Intersector(model.surfaces, coarse="none", threads=1)
+    crossings = tracer.intersect_all(origins, ways)
+    paired, is_paired = model.paired(crossings)
+    left_out = np.bincount(crossings.ray, minlength=len(aims)) - paired.count
+    first = crossings.hits[crossings.offsets[:-1][crossings.count > 0]]
+    is_edge = first.flags & Flag.EDGE > 0
+    closed = np.array([part.is_closed for part in model.parts])[model.part_at(first)]
+    leaks = closed & ~first.front_face & ~is_edge & (first.status != Status.TANGENT)
+    return {
+        "edge_rays": len(aims), "odd_before": float(((left_out > 0) | ~is_paired).mean()),
+        "odd_after": int((~is_paired).sum()), "edge_share": float(is_edge.mean()),
+        "leaks": int(leaks.sum()) + int((crossings.count == 0).sum()),
+    }  # fmt: skip
 
 
 def theirs_of(file: Path, millimetres: float) -> Any:
@@ -65,7 +105,7 @@ def theirs_of(file: Path, millimetres: float) -> Any:
     return trace
 
 
-def measured(file: Path, n: int, n_theirs: int) -> dict[str, Any]:
+def measured(file: Path, n: int, n_theirs: int, n_edges: int) -> dict[str, Any]:
     """Return the figures of a file."""
     from hybrid_rt.cad.records import MM
 
@@ -101,16 +141,22 @@ def measured(file: Path, n: int, n_theirs: int) -> dict[str, Any]:
         with np.errstate(invalid="ignore"):
             is_same = (mine == found) | (np.abs(mine - found) <= 1e-6 * size)
         row |= {"theirs_per_second": n_theirs / min(theirs), "same": float(is_same.mean())}
-    return row
+    return row | (at_edges(model, n_edges) if n_edges else {})
 
 
 def line(row: dict[str, Any]) -> str:
     """Return a row of the table."""
     rate, theirs = row["rays_per_second"], row.get("theirs_per_second", np.nan)
+    edges = ""
+    if "edge_rays" in row:
+        edges = (
+            f"\n    {row['edge_rays']:,} rays at edges: {100 * row['odd_before']:.1f} % not in turn before pairing, "
+            f"{row['odd_after']} rays after; {100 * row['edge_share']:.0f} % of first hits EDGE, {row['leaks']} leaks"
+        )
     return (
         f"{row['file'][:34]:34} {row['faces']:6d} {100 * row['exact']:6.1f}% {row['refused']:7d} "
         f"{row['build_seconds']:8.1f} {rate / 1e3:9.0f} {theirs / 1e3:7.2f} {rate / theirs:6.0f} "
-        f"{100 * row.get('same', np.nan):7.2f}% {row['largest_gap']:11.2g}"
+        f"{100 * row.get('same', np.nan):7.2f}% {row['largest_gap']:11.2g}{edges}"
     )
 
 
@@ -122,6 +168,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--rays", type=one_or_more, default=200_000)
     parser.add_argument("--theirs", type=one_or_more, default=2000, help="rays for OpenCASCADE")
+    parser.add_argument("--edges", type=one_or_more, default=0, help="rays aimed at edges")
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
     files = sorted(f for f in options.folder.iterdir() if f.suffix.lower() in SUFFIXES)
@@ -134,7 +181,7 @@ def main() -> None:
     with kept(options.out, lambda: rows):
         for file in files:
             try:
-                rows.append(measured(file, options.rays, options.theirs))
+                rows.append(measured(file, options.rays, options.theirs, options.edges))
                 say(line(rows[-1]))
             except (ValueError, TimeoutError) as error:
                 say(f"{file.name}: {error}")

@@ -7,7 +7,7 @@ lie from them, and compares the first hits of accuracies "mesh" and "refined" wi
 import time
 import tracemalloc
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -18,7 +18,9 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.core.timing import in_turn
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.intersection.hit_errors import Errors, certified_hits, compare
-from meshing import tessellate
+from hybrid_rt.primitives import TriangleMesh
+from meshing import TrimmedSurface, tessellate
+from meshing.certified_mesh import CertifiedMesh
 
 # Points per triangle at which deviation and normals are measured, at least so many in all.
 SAMPLES, LEAST_SAMPLES = 4, 20_000
@@ -72,8 +74,10 @@ def climb(
     """Measure the errors of each rung, then the time per ray of all rungs in turn.
 
     Tolerances are absolute, in scene units; there are ``n_rays`` of each kind. ``on_rung`` is called with each
-    rung when its errors are known, before its times are.
+    rung when its errors are known, before its times are. Surfaces of which some are trimmed are the faces of a
+    body: their mesh is one, joined along the edges, and on which face a hit is does not count.
     """
+    is_body = any(isinstance(surface, TrimmedSurface) for surface in surfaces)
     rays = {name: make(surfaces, n_rays, seed) for name, make in RAYS.items()}
     bare = Intersector(surfaces, coarse="none", threads=threads)
     exact = {name: certified_hits(bare, r.origins, r.directions) for name, r in rays.items()}
@@ -82,22 +86,32 @@ def climb(
     for number, tolerance in enumerate(tolerances):
         tracemalloc.start()
         began = time.perf_counter()
-        meshes = [tessellate(surface, tolerance) for surface in surfaces]
+        wholes = [list(surfaces)] if is_body else surfaces
+        meshes = [tessellate(whole, tolerance) for whole in wholes]
         seconds = time.perf_counter() - began
         memory = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-        distances, angles = deviations(surfaces, meshes, seed)
+        parts = (
+            list(zip(surfaces, meshes, strict=True)) if not is_body else _faces(surfaces, meshes[0])
+        )
+        distances, angles = deviations(parts, seed)
         for name in ("mesh", "refined", "certified"):
             contestants[number, name] = Intersector(
                 surfaces, name, tolerance=tolerance, threads=threads
             )
+        if is_body:
+            mesh = Intersector([TriangleMesh(meshes[0].mesh)], coarse="none", threads=threads)
+            contestants[number, "mesh"] = mesh
         contestants[number, 'certified, coarse="none"'] = bare
         errors: dict[str, dict[str, Errors]] = {}
         for name in ("mesh", "refined"):
             errors[name] = {}
             for kind, r in rays.items():
                 found = contestants[number, name].intersect(r.origins, r.directions)
-                errors[name][kind] = compare(exact[kind], found.t, found.object_id)
+                object_id, own = found.object_id, exact[kind].hits.object_id
+                if is_body:
+                    object_id = np.where(found.hit, np.maximum(own, 0), -1)
+                errors[name][kind] = compare(exact[kind], found.t, object_id)
         measured = (
             float(distances.max()), float(distances.mean()), float(angles.max()), float(angles.mean()),
         )  # fmt: skip
@@ -122,13 +136,24 @@ def climb(
     return rungs
 
 
+def _faces(surfaces: Sequence[Any], mesh: CertifiedMesh) -> list[tuple[Any, CertifiedMesh]]:
+    """Return the surfaces that have triangles in the mesh of a body, each with these."""
+    assert mesh.surface_id is not None
+    parts = []
+    for k in np.unique(mesh.surface_id).tolist():
+        rows = mesh.surface_id == k
+        own = replace(mesh, faces=mesh.faces[rows], uv=mesh.uv[rows], patch_id=mesh.patch_id[rows])
+        parts.append((surfaces[k], own))
+    return parts
+
+
 def deviations(
-    surfaces: Sequence[Any], meshes: Sequence[Any], seed: int
+    parts: Sequence[tuple[Any, CertifiedMesh]], seed: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Sample triangles: return distances to the surface at equal (u, v), and angles between normals in degrees."""
+    """Sample triangles of surfaces: return distances at equal (u, v), and angles between normals in degrees."""
     rng = np.random.default_rng(seed)
     distances, angles = [], []
-    for surface, mesh in zip(surfaces, meshes, strict=True):
+    for surface, mesh in parts:
         repeat = max(SAMPLES, -(-LEAST_SAMPLES // len(mesh)))
         face = np.repeat(np.arange(len(mesh)), repeat)
         weights = rng.dirichlet((1.0, 1.0, 1.0), len(face))

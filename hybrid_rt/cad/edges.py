@@ -19,6 +19,7 @@ class Edges(NamedTuple):
     gap: FloatArray  # (n,) largest distance of both curves from each other
     face: NDArray[np.int64]  # (n, 2)
     declared: FloatArray  # (n,) tolerance of the file
+    of_use: FloatArray  # (k,) largest gap of each use
     n_free: NDArray[
         np.int64
     ]  # (faces,) edges of each face with an odd number of uses: of closed bodies none
@@ -52,7 +53,10 @@ def measured(uses: NDArray[Any], xyz: FloatArray, n_faces: int) -> Edges:
     gap = np.maximum(_apart(xyz[first], xyz[second]), _apart(xyz[second], xyz[first]))
     face = np.stack([uses["face"][first], uses["face"][second]], axis=1).astype(np.int64)
     declared = np.maximum(uses["tolerance"][first], uses["tolerance"][second])
-    return Edges(gap, face, declared, n_free)
+    of_use = np.zeros(len(uses))
+    for side in (first, second):
+        np.maximum.at(of_use, side, gap)
+    return Edges(gap, face, declared, of_use, n_free)
 
 
 def _apart(a: FloatArray, b: FloatArray) -> FloatArray:

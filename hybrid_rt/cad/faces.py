@@ -58,7 +58,7 @@ class Raw:
     size: list[int]
     numbers: FloatArray
     wires: list[list[Arc]]
-    gap: float
+    gap: float  # the largest of its edges
 
     @property
     def frame(self) -> FloatArray:
@@ -90,7 +90,8 @@ class Part:
             # As `TrimmedSurface.flipped` does, at once.
             loops, axes = _flipped(surface.flip_of_uv, loops, axes)
             surface = surface.flipped()
-        return TrimmedSurface(surface, as_curves(loops, axes), face.gap)
+        gap = max(arc.gap for loop in loops for arc in loop)
+        return TrimmedSurface(surface, as_curves(loops, axes, gap), gap)
 
     def extremes(self) -> FloatArray:
         """Return points whose box holds the part of the surface that loops reach, nearly."""

@@ -35,6 +35,7 @@ class Arc:
     knots: FloatArray | None = None
     ends: FloatArray | None = None  # (2, 3); None: a line that closes a loop
     reach: float = 0.0  # how far, by the file, its ends may be from those of its neighbours
+    gap: float = 0.0  # how far the other face's curve may be
 
     def moved(self, scale: ArrayLike, shift: ArrayLike) -> Arc:
         """Return the arc with u and v multiplied and shifted."""
@@ -119,13 +120,13 @@ def _chained(left: list[Arc], periods: FloatArray, number: int) -> list[Arc]:
             raise RefusedFaceError(f"loop {number} is open by {gaps[k]:.3g}")
         here = loop[-1].points[-1]
         arc = arc.moved((1.0, 1.0), _turns(here - arc.points[0], periods))
-        loop += [*_joint(here, arc.points[0], _reach(loop[-1], arc)), arc]
+        loop += [*_joint(loop[-1], arc, gaps[k]), arc]
     if (gap := _gap(loop[-1], loop[0])) > _reach(loop[-1], loop[0]):
         raise RefusedFaceError(f"loop {number} is open by {gap:.3g}")
     end, begin = loop[-1].points[-1], loop[0].points[0]
     if _turns(end - begin, periods).any():
         raise RefusedFaceError(f"loop {number} goes around without an edge along the seam")
-    return [*loop, *_joint(end, begin, _reach(loop[-1], loop[0]))]
+    return [*loop, *_joint(loop[-1], loop[0], gap)]
 
 
 def _turns(way: FloatArray, periods: FloatArray) -> FloatArray:
@@ -134,8 +135,12 @@ def _turns(way: FloatArray, periods: FloatArray) -> FloatArray:
     return whole
 
 
-def _joint(here: FloatArray, there: FloatArray, reach: float) -> list[Arc]:
-    return [] if (here == there).all() else [Arc(np.stack([here, there]), reach=reach)]
+def _joint(one: Arc, other: Arc, apart: float) -> list[Arc]:
+    """Return the straight line between two arcs that are apart in space; the gap there is no less."""
+    ends = np.stack([one.points[-1], other.points[0]])
+    if (ends[0] == ends[1]).all():
+        return []
+    return [Arc(ends, reach=_reach(one, other), gap=max(one.gap, other.gap, apart))]
 
 
 def _gap(one: Arc, other: Arc) -> float:
@@ -172,24 +177,31 @@ def gathered(
     ]
 
 
-def as_curves(loops: Sequence[Sequence[Arc]], axes: tuple[Axis, Axis]) -> list[list[Curve2]]:
-    """Return loops in the unit square of a surface."""
+def as_curves(
+    loops: Sequence[Sequence[Arc]], axes: tuple[Axis, Axis], widest: float
+) -> list[list[Curve2]]:
+    """Return loops in the unit square of a surface; ``widest`` is the largest of their gaps."""
     low = np.array([axis.native[0] for axis in axes])
     high = np.array([axis.native[-1] for axis in axes])
     far = (extent(loops) - low) / (high - low)
     fits = far.min() >= OUTSIDE[0] and far.max() <= OUTSIDE[1]
-    if fits and all(len(axis.native) == 2 and not axis.bends for axis in axes):
-        return [[c for arc in loop for c in _arcs(arc, low, high)] for loop in loops]
+    bent: tuple[Axis, ...] = ()
+    if not fits or any(len(axis.native) > 2 or axis.bends for axis in axes):
+        bent = axes
     # First evenly to the square that holds both loops and surface, then as the axes have it.
-    low, high = np.minimum(low, extent(loops)[0]), np.maximum(high, extent(loops)[1])
-    low, high = low - 1e-3 * (high - low), high + 1e-3 * (high - low)
+    if bent:
+        low, high = np.minimum(low, extent(loops)[0]), np.maximum(high, extent(loops)[1])
+        low, high = low - 1e-3 * (high - low), high + 1e-3 * (high - low)
+    wholes = [axis.within(float(low[k]), float(high[k])) for k, axis in enumerate(bent)]
     found = []
     for loop in loops:
-        curves = [c for arc in loop for c in _arcs(arc, low, high)]
-        for k, axis in enumerate(axes):
-            whole = axis.within(float(low[k]), float(high[k]))
-            curves = [piece for c in curves for piece in _mapped(c, k, whole)]
-        found.append(curves)
+        found.append(list[Curve2]())
+        for arc in loop:
+            curves = _arcs(arc, low, high)
+            for k, whole in enumerate(wholes):
+                curves = [piece for c in curves for piece in _mapped(c, k, whole)]
+            share = arc.gap / widest if widest else 1.0
+            found[-1] += [Curve2(c.control, c.weights, share) for c in curves]
     return found
 
 

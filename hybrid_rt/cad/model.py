@@ -24,6 +24,7 @@ from hybrid_rt.core.records import BoolArray, HitRecord, IntArray
 from hybrid_rt.intersection.crossings import Crossings
 from hybrid_rt.primitives import TriangleMesh
 from hybrid_rt.primitives.instances import Instances
+from meshing import TrimmedSurface
 from meshing.checks import FloatArray, as_path, number, text_of
 from meshing.surface import Surface
 
@@ -47,6 +48,10 @@ CHECKED, ROUNDING = 16, 1e-7
 LEAST_GAP = 1e-9
 # How many gaps a report lists, and how many refused faces a message.
 LISTED, NAMED = 20, 3
+# Up to so many places of a shape are copies: rays take less long than with instances, and tables little more.
+COPIES = 3
+# What a system can be asked for: seconds, and gigabytes of address space.
+LONGEST_READING, LEAST_MEMORY, MOST_MEMORY = 1e7, 1e-3, 1e9
 GREY = (0.55, 0.55, 0.55)
 
 
@@ -105,7 +110,7 @@ class CadModel:
     Attributes
     ----------
     surfaces : list of Surface
-        For an `Intersector`, or objects of a scene. A shape that is placed more than once is an `Instances`
+        For an `Intersector`, or objects of a scene. A shape in more than three places is an `Instances`
         for each colour, with one table for all places (and one for the mirrored ones).
     owners : Owners
         What `face_at` and `part_at` look up.
@@ -163,11 +168,21 @@ class CadModel:
         of: IntArray = np.where((hits.object_id >= 0) & (hits.object_id < n), hits.object_id, n)
         return of
 
+    def faces_in_places(self) -> list[Surface]:
+        """Return the faces with an exact or approximated surface, in all places: for `tessellate`."""
+        found: list[Surface] = []
+        for one in self.surfaces:
+            if isinstance(one, Instances):
+                found += [s for k in range(len(one.matrices)) for s in one.surface_in(k)]
+            else:
+                found.append(one)
+        return [surface for surface in found if isinstance(surface, TrimmedSurface)]
+
     def paired(self, crossings: Crossings) -> tuple[Crossings, BoolArray]:
         """Return crossings of `surfaces` with entries and exits of closed parts in turn.
 
-        Rows within the gap of an edge may be there twice, once for each face: the fewest of these are left
-        out that it takes. Nothing is promised of open parts, whose rows stay.
+        Rows within the gap of an edge may be there twice, once for each face, and TANGENT ones may be there or
+        not: the fewest of these are left out that it takes. Nothing is promised of open parts, whose rows stay.
 
         Returns
         -------
@@ -287,8 +302,8 @@ def read_cad(
         if value is not None:
             options[name] = number(value, f"read_cad {name}", above=0.0)
     limits = (
-        number(seconds, "read_cad seconds", above=0.0),
-        number(gigabytes, "read_cad gigabytes", above=0.0),
+        number(seconds, "read_cad seconds", above=0.0, up_to=LONGEST_READING),
+        number(gigabytes, "read_cad gigabytes", at_least=LEAST_MEMORY, up_to=MOST_MEMORY),
     )
     arrays = arrays_of(file, options, *limits)
     model = _model_of(arrays)
@@ -311,7 +326,7 @@ def _model_of(arrays: dict[str, Any]) -> CadModel:
     head, raw, uses = arrays["head"], arrays["faces"], arrays["uses"]
     shared = edges_of.measured(uses, arrays["xyz"], len(raw))
     gaps, declared = edges_of.gaps_of_faces(shared, len(raw))
-    built = _built(arrays, gaps)
+    built = _built(arrays, shared.of_use)
     parts, box = _parts(head, built, shared.n_free, arrays["xyz"], uses["face"])
     scale = np.zeros(len(head["shapes"]))
     for part in parts:
@@ -392,7 +407,7 @@ def _parts(
 def _placed(
     parts: list[CadPart], built: list[_Built], color: FloatArray
 ) -> tuple[list[Surface], Owners]:
-    """Return the surfaces, and whose they are: `Instances` of shapes that are placed more than once."""
+    """Return the surfaces, and whose they are: `Instances` of shapes in more than `COPIES` places."""
 
     @cache
     def outward(row: int, is_mirrored: bool) -> list[Surface]:
@@ -404,7 +419,7 @@ def _placed(
     for k, part in enumerate(parts):
         form = part.shape, part.is_mirrored
         rows = list(range(part.faces.start, part.faces.stop))
-        if counts[form] == 1:
+        if counts[form] <= COPIES:
             groups |= {(k, row): ([row], [k]) for row in rows}
             continue
         by_color: dict[Any, list[int]] = {}
@@ -418,7 +433,7 @@ def _placed(
     for rows, numbers in groups.values():
         part = parts[numbers[0]]
         found = [(row, one) for row in rows for one in outward(row, part.is_mirrored)]
-        if counts[part.shape, part.is_mirrored] == 1:
+        if counts[part.shape, part.is_mirrored] <= COPIES:
             matrix = part.transform
             is_moved = (matrix != np.eye(4)).any()
             surfaces += [one.transformed(matrix) if is_moved else one for _, one in found]
@@ -440,16 +455,16 @@ def _rgb(color: FloatArray) -> tuple[float, ...] | None:
 
 
 def _built(arrays: dict[str, Any], gaps: FloatArray) -> list[_Built]:
-    """Return what becomes of each face."""
+    """Return what becomes of each face; ``gaps`` are those of uses."""
     raw, uses, xyz = arrays["faces"], arrays["uses"], arrays["xyz"]
     of_face = np.searchsorted(uses["face"], np.arange(len(raw) + 1))  # they are in that order
     built = []
-    for row, gap, begin, end in zip(raw, gaps.tolist(), of_face, of_face[1:], strict=False):
+    for row, begin, end in zip(raw, of_face, of_face[1:], strict=False):
         found, reason, points = list[Surface](), str(row["reason"]), np.empty((0, 3))
         if not reason:
             try:
-                mine = uses[begin:end], arrays["uv"][begin:end], xyz[begin:end]
-                found, points = _surfaces(row, gap, arrays["numbers"], *mine)
+                mine = [each[begin:end] for each in (gaps, uses, arrays["uv"], xyz)]
+                found, points = _surfaces(row, arrays["numbers"], *mine)
             except (ValueError, TypeError) as error:
                 reason = text_of(error)
         built.append(_Built(found, reason, points))
@@ -457,7 +472,12 @@ def _built(arrays: dict[str, Any], gaps: FloatArray) -> list[_Built]:
 
 
 def _surfaces(
-    row: Any, gap: float, numbers: FloatArray, uses: NDArray[Any], uv: FloatArray, xyz: FloatArray
+    row: Any,
+    numbers: FloatArray,
+    gaps: FloatArray,
+    uses: NDArray[Any],
+    uv: FloatArray,
+    xyz: FloatArray,
 ) -> tuple[list[Surface], FloatArray]:
     """Return the surfaces of a face, compared with OpenCASCADE's, and points of it."""
     kind, own, bound = KINDS[row["kind"]], numbers[row["at"] :], float(row["bound"])
@@ -467,10 +487,9 @@ def _surfaces(
         mesh = TriangleMesh(_Triangles(own[: 3 * n].reshape(n, 3), sides))  # type: ignore[arg-type]
         return [mesh.flipped() if row["reversed"] else mesh], mesh.vertices
     size = float(np.ptp(xyz.reshape(-1, 3), axis=0).max(initial=0.0))
-    gap = max(edges_of.BETWEEN * gap, LEAST_GAP * size) + bound
-    face = Raw(
-        kind, bool(row["reversed"]), row["size"].tolist(), own, _wires(uses, numbers, xyz), gap
-    )
+    gaps = np.maximum(edges_of.BETWEEN * gaps, LEAST_GAP * size) + bound
+    wires, widest = _wires(uses, numbers, xyz, gaps), float(gaps.max(initial=0.0))
+    face = Raw(kind, bool(row["reversed"]), row["size"].tolist(), own, wires, widest)
     parts = parts_of(face)
     found: list[Surface] = [part.trimmed(face) for part in parts]
     if (jump := max(part.jump() for part in parts)) > AGREES * size:
@@ -486,10 +505,12 @@ class _Triangles:
     faces: NDArray[np.int64]
 
 
-def _wires(uses: NDArray[Any], numbers: FloatArray, xyz: FloatArray) -> list[list[Arc]]:
+def _wires(
+    uses: NDArray[Any], numbers: FloatArray, xyz: FloatArray, gaps: FloatArray
+) -> list[list[Arc]]:
     """Return the arcs of each wire of a face."""
     wires: dict[int, list[Arc]] = {}
-    for row, both in zip(uses, xyz[:, [0, -1]], strict=True):
+    for row, both, gap in zip(uses, xyz[:, [0, -1]], gaps.tolist(), strict=True):
         n, degree, at = int(row["points"]), int(row["degree"]), int(row["at"])
         points = numbers[at : at + 2 * n].reshape(n, 2)
         weights, knots = None, None
@@ -501,7 +522,7 @@ def _wires(uses: NDArray[Any], numbers: FloatArray, xyz: FloatArray) -> list[lis
         ends = both[::-1] if row["reversed"] else both
         reach = float(max(row["corner"], row["tolerance"]))
         wires.setdefault(int(row["wire"]), []).append(
-            Arc(points, degree, weights, knots, ends, reach)
+            Arc(points, degree, weights, knots, ends, reach, gap)
         )
     return list(wires.values())
 

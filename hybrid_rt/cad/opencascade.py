@@ -67,6 +67,11 @@ SURFACES: dict[str, tuple[str, ...]] = {
     "Geom_BezierSurface": ("bezier",),
     "Geom_BSplineSurface": ("bspline",),
 }
+# What stands between separators of numbers and is none that a float holds; and texts, with what is in them.
+_NO_NUMBER = re.compile(
+    rb"[(,\s]([-+]?(?:nan|inf|infinity|\d+\.?\d*e\+?[3-9]\d\d+))(?=[),;\s])", re.IGNORECASE
+)
+_QUOTED = re.compile(rb"'[^']*'|/\*.*?\*/", re.DOTALL)
 CONICS = {
     "Circle": (ELLIPSE, "Radius", "Radius"),
     "Ellipse": (ELLIPSE, "MajorRadius", "MinorRadius"),
@@ -528,14 +533,26 @@ def _solids_named(path: str) -> int:
     )
 
 
+def _refuse_no_numbers(path: str) -> None:
+    """Refuse NAN and INF where numbers stand, and numbers too large: OpenCASCADE may never end at these."""
+    if path.lower().endswith((".igs", ".iges")):
+        return  # texts in them are not marked
+    content = Path(path).read_bytes()
+    if _NO_NUMBER.search(content) and (found := _NO_NUMBER.search(_QUOTED.sub(b"", content))):
+        raise RefusedFileError(f"holds {found[1].decode()!r} where a number is expected: repair it")
+
+
 def main(path: str, out: str, options: str) -> int:
     """Read a file, write arrays; return the exit code: 4 with a reason on the standard output."""
     wanted = json.loads(options)
-    if wanted["bytes"]:
+    if sys.platform != "win32":
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (wanted["bytes"], wanted["bytes"]))
+        # Who waits for this process may end before it.
+        resource.setrlimit(resource.RLIMIT_CPU, (wanted["seconds"] + 1, wanted["seconds"] + 2))
     try:
+        _refuse_no_numbers(path)
         document, unit, scale = read(path, wanted["unit"])
         found = Extraction(document, wanted["sew"], wanted["approximate"])
         found.run(scale)

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.core.records import BoolArray, Flag
+from hybrid_rt.core.records import BoolArray, Flag, Status
 from hybrid_rt.intersection.crossings import Crossings
 
 # What a ray that is outside, or inside, meets next: a front, a back.
@@ -30,7 +30,8 @@ def in_pairs(crossings: Crossings, body: NDArray[np.int64]) -> tuple[Crossings, 
         For which rays that succeeded; of the others all rows stay.
     """
     is_front = crossings.hits.front_face
-    is_free = (crossings.hits.flags & Flag.EDGE) != 0
+    # Whether there is a TANGENT one, rounding decides.
+    is_free = ((crossings.hits.flags & Flag.EDGE) != 0) | (crossings.hits.status == Status.TANGENT)
     keeps, is_paired = np.ones(len(crossings), np.bool_), np.ones(len(crossings.count), np.bool_)
     order = np.lexsort((np.arange(len(body)), body, crossings.ray))
     key = np.stack([crossings.ray[order], body[order]])

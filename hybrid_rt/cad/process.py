@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import math
 import subprocess
 import sys
 import tempfile
@@ -11,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from meshing.checks import check_is_file
 
 # Of the child, which finds this package where this process has it, and nothing beside its own file.
 PROGRAM = (
@@ -31,8 +34,7 @@ def check_file(file: Path) -> str:
         raise ValueError(
             f"{what} ends in {file.suffix or 'nothing'!r}: pass one of {', '.join(SUFFIXES)}, or {hint}"
         )
-    if not file.is_file():
-        raise FileNotFoundError(f"{what}: there is no such file")
+    check_is_file(file, what)
     return what
 
 
@@ -53,7 +55,8 @@ def arrays_of(
         )
     with tempfile.TemporaryDirectory(prefix="hybrid_rt_cad_") as folder:
         out = Path(folder) / "arrays.npz"
-        wanted = json.dumps({**options, "bytes": int(gigabytes * 1e9)})
+        limits = {"bytes": int(gigabytes * 1e9), "seconds": math.ceil(seconds)}
+        wanted = json.dumps({**options, **limits})
         command = [
             sys.executable,
             "-P",

@@ -12,6 +12,7 @@ from hybrid_rt.analysis import mesh_diagrams
 from hybrid_rt.analysis.mesh_error import RAYS, Rung, climb
 from hybrid_rt.analysis.methods import size_of
 from hybrid_rt.analysis.units import number
+from hybrid_rt.cli.cad import add_reading, read, takes
 from hybrid_rt.cli.command import (
     check_results,
     earlier_rows,
@@ -21,7 +22,7 @@ from hybrid_rt.cli.command import (
     say_if_no_plots,
 )
 from hybrid_rt.cli.scene_file import load_scene
-from meshing import BezierPatches, TrimmedSurface
+from meshing import BezierPatches
 from meshing.outputs import replacing
 
 LADDER = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5)
@@ -32,12 +33,14 @@ PICTURES = ("error_against_time.png", "mesh_error.png")
 DESCRIPTION = """\
 Tell how fine a mesh must be, and what exactness costs.
 
+Of a CAD file the mesh is the one that `tessellate` makes of all faces: how fine must an STL of the part be?
 Prints a table of tolerances; writes table.json, table.csv, error_against_time.png and
 mesh_error.png to the folder given with --out. --redraw draws the pictures of an earlier table.
 """
 EXAMPLES = """\
 examples:
   hybrid-rt accuracy hybrid_rt/data/teapot.bpt --out teapot
+  hybrid-rt accuracy part.step --quick
   hybrid-rt accuracy scenes/vase.py --out vase
   hybrid-rt accuracy scenes/vase.py --out vase --redraw vase/table.json
 """
@@ -45,7 +48,10 @@ examples:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what ``hybrid-rt accuracy`` takes."""
-    parser.add_argument("file", type=Path, help="a .bpt file, or a scene script (which is run)")
+    parser.add_argument(
+        "file", type=Path, help="a .bpt or CAD file, or a scene script (which is run)"
+    )
+    add_reading(parser)
     parser.add_argument("--out", type=Path, help="folder for tables and pictures")
     parser.add_argument(
         "--quick", action="store_true", help="three tolerances, a tenth of the rays"
@@ -59,7 +65,7 @@ def run(args: argparse.Namespace) -> None:
     """Measure and print what is asked for, or draw an earlier table."""
     if args.out:
         say_if_no_plots("error_against_time.png and mesh_error.png")
-    surfaces = load(args.file)
+    surfaces = load(args.file, args)
     size = size_of(surfaces)
     if args.redraw:
         if not args.out:
@@ -84,8 +90,6 @@ def run(args: argparse.Namespace) -> None:
     with kept(table, lambda: [rung.figures for rung in rungs]):
         rungs[:] = climb(surfaces, tolerances, n_rays, threads=args.threads, on_rung=hear)
     say(WORDS)
-    if any(isinstance(surface, TrimmedSurface) for surface in surfaces):
-        say(TRIMMED)
     say(speeds(rungs))
     if args.out:
         write(args.out, args.file, surfaces, rungs)
@@ -100,8 +104,10 @@ def _check_out(folder: Path) -> None:
     )
 
 
-def load(file: Path) -> list[Any]:
-    """Return the curved surfaces of a file."""
+def load(file: Path, args: argparse.Namespace) -> list[Any]:
+    """Return the curved surfaces of a file; of a CAD file all faces that are no meshes."""
+    if takes(file, args):
+        return read(args, file).faces_in_places()
     if file.suffix == ".bpt":
         return [BezierPatches.read(file)]
     curved = [item.surface for item in load_scene(file).objects if item.surface.is_freeform]
@@ -130,9 +136,6 @@ wrong first hits: share of the rays that hit anything which miss the surface, fi
   nothing is, or find a farther sheet; random rays, a camera's, and rays along the silhouette.
 after Newton: hits moved from the triangles onto the true surface, accuracy "refined".
 right hits off by: mean distance along the ray, camera rays on the mesh, scene units."""
-
-TRIMMED = """trimmed surfaces: triangles that an edge crosses stay whole, so a mesh reaches beyond the edges by up
-  to a triangle, whatever the tolerance is. Hits there count as wrong."""
 
 
 def row(rung: Rung) -> str:

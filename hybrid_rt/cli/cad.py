@@ -36,7 +36,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_reading(parser: argparse.ArgumentParser) -> None:
+def add_reading(parser: argparse._ActionsContainer) -> None:
     """Add how CAD files are read."""
     parser.add_argument("--unit", choices=("file", *MM), default="file", help="of all lengths")
     parser.add_argument("--sew", type=float, metavar="TOL", help="join edges so near to each other")
@@ -46,6 +46,17 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
         metavar="TOL",
         help="replace offset surfaces, within this distance",
     )
+
+
+def takes(file: Path, options: argparse.Namespace) -> bool:
+    """Tell whether a file is a CAD file; refuse options of these for others."""
+    from hybrid_rt.cad.process import SUFFIXES
+
+    if file.suffix.lower() in SUFFIXES:
+        return True
+    if (options.unit, options.sew, options.approximate) != ("file", None, None):
+        raise ValueError(f"{file} is no CAD file: leave out --unit, --sew and --approximate")
+    return False
 
 
 def read(options: argparse.Namespace, file: Path, *, is_traced: bool = True) -> CadModel:

@@ -81,7 +81,7 @@ def run(options: argparse.Namespace) -> None:
     if limit is not None:
         number(limit, "--limit", above=0.0, hint="in the unit of the model")
     scan = Scan(options.scan)
-    surfaces, model = surfaces_of(options)
+    surfaces, model = surfaces_of(options, options.file)
     closed = None if model is None else model.closed
     search = ClosestPoint(surfaces, closed=closed, threads=options.threads)
     sample = scan.sample(SAMPLE)

@@ -171,7 +171,7 @@ def _parser(complete: bool = False) -> argparse.ArgumentParser:
         "render", help="make a picture of a scene script (which is executed), or of a CAD file"
     )
     render.add_argument("scene", metavar="SCENE.py", help="or part.step, .iges, .brep")
-    render.add_options = add_render_options
+    render.add_options = _add_render_options
     render.set_defaults(run=_run_render, guard=_guarded)
 
     compare = commands.add_parser("compare", help="say how far apart pictures are, and draw where")
@@ -230,25 +230,25 @@ def _add_tool(commands: Any, name: str, words: str) -> None:
     )
 
 
+def _add_render_options(parser: argparse.ArgumentParser) -> None:
+    from hybrid_rt.cli.cad import add_reading
+
+    add_render_options(parser)
+    add_reading(parser.add_argument_group("CAD files"))
+
+
 def _run_render(options: argparse.Namespace) -> int:
-    from hybrid_rt.cad.process import SUFFIXES, check_file
+    from hybrid_rt.cad.process import check_file
+    from hybrid_rt.cli.cad import read, takes
     from hybrid_rt.cli.scene_file import check_script, load_script
-
-    file = Path(options.scene)
-    if file.suffix.lower() in SUFFIXES:
-        check_file(file)
-        return render_scene(lambda: _scene_of_part(file), file.stem, options)
-    script = check_script(options.scene)
-    return render_scene(lambda: load_script(script), script.stem, options)
-
-
-def _scene_of_part(file: Path) -> tuple[Scene, str]:
-    """Return a scene of a CAD file, and its integrator."""
-    from hybrid_rt.cli.cad import read
     from hybrid_rt.integrators import DEFAULT
 
-    reading = argparse.Namespace(unit="file", sew=None, approximate=None)
-    return read(reading, file).scene(), DEFAULT
+    file = Path(options.scene)
+    if takes(file, options):
+        check_file(file)
+        return render_scene(lambda: (read(options, file).scene(), DEFAULT), file.stem, options)
+    script = check_script(options.scene)
+    return render_scene(lambda: load_script(script), script.stem, options)
 
 
 def _run_compare(options: argparse.Namespace) -> None:

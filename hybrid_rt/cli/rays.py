@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any, BinaryIO, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.cli.cad import add_reading, read
+from hybrid_rt.cli.cad import add_reading, read, takes
 from hybrid_rt.cli.command import one_or_more, say
 from hybrid_rt.cli.options import add_progress_options
 from hybrid_rt.cli.render import shown_progress
 from hybrid_rt.core.records import HitRecord
-from meshing.checks import FloatArray
+from meshing.checks import FloatArray, check_is_file
 from meshing.outputs import check_writable, replacing
 
 if TYPE_CHECKING:
@@ -65,11 +65,11 @@ def run(options: argparse.Namespace) -> None:
 
     _check_out(options.out)
     rays = _as_rays(options.rays)
-    surfaces, model = surfaces_of(options)
+    surfaces, model = surfaces_of(options, options.file)
     tracer = Intersector(surfaces, coarse="none", threads=options.threads)
     n, n_hit, n_edge = len(rays), 0, 0
     with shown_progress(options.progress) as progress, _writer(options.out, n) as write:
-        for begin in range(0, n, options.piece):
+        for begin in range(0, max(n, 1), options.piece):  # columns have names without rays, too
             piece = np.array(rays[begin : begin + options.piece], np.float64)
             try:
                 hits = tracer.intersect(piece[:, :3], piece[:, 3:])
@@ -84,16 +84,11 @@ def run(options: argparse.Namespace) -> None:
     say(f"{options.out}  ({n:,} rays, {n_hit:,} hit, {n_edge:,} of them within the gap of an edge)")
 
 
-def surfaces_of(options: argparse.Namespace) -> tuple[list[Any], CadModel | None]:
+def surfaces_of(options: argparse.Namespace, file: Path) -> tuple[list[Any], CadModel | None]:
     """Return the surfaces of a file, and of a CAD file the model."""
-    from hybrid_rt.cad.process import SUFFIXES
-
-    file = options.file
-    if file.suffix.lower() in SUFFIXES:
+    if takes(file, options):
         model = read(options, file)
         return model.surfaces, model
-    if (options.unit, options.sew, options.approximate) != ("file", None, None):
-        raise ValueError(f"{file} is no CAD file: leave out --unit, --sew and --approximate")
     if file.suffix.lower() == ".bpt":
         from meshing import BezierPatches
 
@@ -105,10 +100,9 @@ def surfaces_of(options: argparse.Namespace) -> tuple[list[Any], CadModel | None
 
 def _as_rays(file: Path) -> FloatArray:
     """Return the rays of a file, which stay there until they are asked for."""
+    check_is_file(file, f"rays {str(file)!r}")
     try:
         rays = np.load(file, mmap_mode="r", allow_pickle=False)
-    except FileNotFoundError:
-        raise FileNotFoundError(f"rays {str(file)!r}: there is no such file") from None
     except (ValueError, EOFError) as error:
         raise ValueError(f"rays {str(file)!r} is no .npy file ({error}): pass np.save's") from None
     shape = getattr(rays, "shape", None)
@@ -120,8 +114,9 @@ def _as_rays(file: Path) -> FloatArray:
         or rays.shape[1:] != (6,)
         or rays.dtype.kind not in "fiu"
     ):
+        held = "several arrays" if shape is None else f"{shape} of {rays.dtype}"
         raise ValueError(
-            f"rays {str(file)!r} holds {shape or 'several arrays'}: pass numbers (n, 6), origin and direction"
+            f"rays {str(file)!r} holds {held}: pass real numbers (n, 6), origin and direction"
         )
     return rays
 
@@ -140,7 +135,7 @@ def _check_out(out: Path) -> None:
         raise ValueError(f"output {str(out)!r} ends in {out.suffix!r}: pass .npz, .csv or .parquet")
     if out.suffix.lower() == ".parquet" and importlib.util.find_spec("pyarrow") is None:
         raise ImportError(
-            f"output {str(out)!r} needs pyarrow: pip install pyarrow, or write .npz or .csv"
+            f"output {str(out)!r} needs pyarrow: pip install 'hybrid-rt[parquet]', or write .npz or .csv"
         )
     check_writable(out)
 

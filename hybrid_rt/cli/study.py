@@ -17,7 +17,9 @@ from hybrid_rt.analysis.ray_sets import camera as random_camera
 from hybrid_rt.analysis.reference import REFERENCES
 from hybrid_rt.analysis.units import asked, of_pixels
 from hybrid_rt.analysis.work_precision import PictureStudy, StudyInterrupted
+from hybrid_rt.cli.cad import add_reading, takes
 from hybrid_rt.cli.command import one_or_more, say_if_no_plots, tell
+from hybrid_rt.cli.rays import surfaces_of
 from hybrid_rt.cli.scene_file import load_scene
 from hybrid_rt.cli.study_comparison import compare
 from hybrid_rt.cli.study_files import check_folder, publish_study
@@ -26,7 +28,6 @@ from hybrid_rt.rendering.result import RenderResult
 from hybrid_rt.rendering.versions import versions
 from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.image_files import check_output
-from meshing import BezierPatches
 
 REFERENCE_FILE = "reference.npz"
 DESCRIPTION = """\
@@ -41,6 +42,7 @@ EXAMPLES = """\
 examples:
   hybrid-rt study scenes/teapot.py --out teapot
   hybrid-rt study hybrid_rt/data/teapot.bpt --quick
+  hybrid-rt study part.step --quick
   hybrid-rt study scenes/caustic_ball.py --integrators path ppm --photons 20000 200000
   hybrid-rt study scenes/teapot.py --seconds 10 --only pictures
   hybrid-rt study --compare before/curves.json after/curves.json --out both
@@ -50,7 +52,7 @@ examples:
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what ``hybrid-rt study`` takes."""
     add = parser.add_argument
-    add("source", nargs="?", metavar="SCENE.py | surface FILE.bpt")
+    add("source", nargs="?", metavar="SCENE.py | surface FILE.bpt | part.step")
     add("file", nargs="?", type=Path, help=argparse.SUPPRESS)
     add("--out", type=Path, metavar="DIR")
     add("--quick", action="store_true", help="small, few passes, one run")
@@ -120,6 +122,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--width", type=one_or_more, help="default: that of the scene, at most 240, quick 120")
     add("--rays", type=one_or_more, help="of first hits; default 100000, quick 20000")
     add("--threads", type=one_or_more)
+    add_reading(parser)
 
 
 def run(args: argparse.Namespace) -> None:
@@ -131,7 +134,7 @@ def run(args: argparse.Namespace) -> None:
             raise ValueError(f"--compare measures nothing: leave out {args.source}, or --compare")
         compare(args)
     elif not args.source:
-        raise ValueError("name a scene script or a .bpt file, or use --compare")
+        raise ValueError("name a scene script, a .bpt or a CAD file, or use --compare")
     else:
         _measure(args)
 
@@ -146,17 +149,18 @@ def _measure(args: argparse.Namespace) -> None:
     file = args.file if args.source == "surface" else Path(args.source)
     if file is None:
         raise ValueError("surface has no file: name a .bpt file")
-    if file.suffix == ".bpt" and args.only == "pictures":
+    is_surface = takes(file, args) or file.suffix == ".bpt"
+    if is_surface and args.only == "pictures":
         raise ValueError(
             f"{file} is a surface, without pictures: name a scene, or leave out --only"
         )
     n_rays = args.rays or (20_000 if args.quick else 100_000)
     if args.out:
         check_folder(args.out)
-        if file.suffix != ".bpt" and args.only != "hits" and args.reference is None:
+        if not is_surface and args.only != "hits" and args.reference is None:
             check_output(args.out / REFERENCE_FILE)
     studies: dict[str, Any] = {}
-    scene = None if file.suffix == ".bpt" else load_scene(file)
+    scene = None if is_surface else load_scene(file)
     full_size = None if scene is None else (scene.camera.width, scene.camera.height)
     try:
         _study(file, scene, n_rays, studies, args)
@@ -172,7 +176,7 @@ def _study(
 ) -> None:
     """Make the studies that there can be, one after the other."""
     if scene is None:
-        surfaces: list[Any] = [BezierPatches.read(file)]
+        surfaces: list[Any] = surfaces_of(args, file)[0]
     else:
         most = 120 if args.quick else 240
         camera = scene.camera.resized(args.width or min(most, scene.camera.width))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid_rt.core.hit_table import to_csv, to_dataframe
-from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, Status
+from hybrid_rt.core.records import BoolArray, Flag, FloatArray, HitRecord, Status
 from hybrid_rt.intersection.ray_batch import POINT_ROUNDING, as_limit, as_rays
 
 # A ray meets a polynomial surface of degree 30 x 30 at most 1800 times; meshes may have more.
@@ -101,13 +101,14 @@ def find_crossings(
 
     A root is the crossing before it, met again, if the bounds of both allow them the same t and the
     surface is crossed the same way: so it is where patches share a point (an edge, a seam, a pole) and
-    at mesh edges. So are points where different objects coincide; the lower ``object_id`` is reported.
+    at mesh edges. So are points where different objects coincide; the lower ``object_id`` is reported. But
+    faces within the gap of an edge are not where one is crossed from in front and one from behind.
     Rounding may have moved patches of one object apart that were meant to share a border: what is
     crossed twice the same way, so near that coordinates round by more, is one crossing, of status
     TANGENT. A ray that is tangent to a surface without crossing it may have one row there.
 
-    ``step``: takes origins, directions, t_min, t_max, and t of the crossing behind which each
-    search goes on (None: of none). Returns the first hits.
+    ``step``: takes origins, directions, t_min, t_max, and t and object of the crossing behind which
+    each search goes on, (n, 2) (None: of none). Returns the first hits.
     ``reach`` (objects,): the ``rounding_reach`` of each surface.
     ``origins``, ``directions``, ``t_min``, ``t_max``, array-like: as `Intersector.intersect` takes
     them.
@@ -124,7 +125,7 @@ def find_crossings(
     # Of each ray the row of its last crossing; and the rows that hold more than one.
     row_of, n_rows, merged = np.full(n, -1), 0, [np.zeros(0, np.int64)]
     for _ in range(MOST_CROSSINGS):
-        passed = None if last is None else last.t
+        passed = None if last is None else np.column_stack([last.t, last.object_id])
         hits = step(o[active], d[active], lowest, highest[active], passed)
         found = hits.hit
         again = np.zeros(len(hits), np.bool_)
@@ -139,7 +140,7 @@ def find_crossings(
         last, active = hits[found], active[found]
         if not len(active):
             break
-        lowest = last.t
+        lowest = np.nextafter(last.t, -np.inf)  # at the same t there may be other objects
     else:
         raise RuntimeError(
             f"ray {active[0]} has more than {MOST_CROSSINGS} crossings: pass t_max, or fewer surfaces"
@@ -175,10 +176,14 @@ def _met_again(
     is_same = hits.object_id == last.object_id
     is_piece = is_same & (hits.patch_id == last.patch_id)
     goes_on = before * after > 0.0
+    # Two faces of an edge, one met from in front and one from behind, are two crossings: their bounds, which
+    # hold the gap, say nothing about that.
+    is_edge = ((last.flags | hits.flags) & Flag.EDGE) != 0
     opposes = np.einsum("ij,ij->i", last.normal, hits.normal) < 0.0
-    turns = is_same & ~is_piece & ~goes_on & opposes & is_near
+    turns = is_same & ~is_piece & ~goes_on & opposes & is_near & ~is_edge
     borders = is_same & ~is_piece & goes_on & (is_near | (meets & ~is_far))
-    again = hits.hit & ((meets & (~is_same | (is_piece & goes_on))) | borders | turns)
+    is_one = (~is_same & (goes_on | ~is_edge)) | (is_piece & goes_on)
+    again = hits.hit & ((meets & is_one) | borders | turns)
     return again, turns | (is_same & (is_far | ~meets))
 
 

@@ -271,10 +271,15 @@ class Intersector:
             arrays are not real, ``source`` is not a hit record of these surfaces, or ``out`` is not one
             of n rows.
         """
+        self._check_places(source, "source")
         batch = make_batch(
             origins, directions, t_min, t_max, source, None, self._reach, self._pool, unseen
         )
         return self._first_hits(batch, out)
+
+    def _check_places(self, record: HitRecord | NamedPoints | None, name: str) -> None:
+        if self._instances is not None and isinstance(record, HitRecord):
+            self._instances.check_places(record, name)
 
     def _first_hits(self, batch: Batch, out: HitRecord | None = None) -> HitRecord:
         """Find the first hit of each ray of a checked batch."""
@@ -331,6 +336,8 @@ class Intersector:
         -------
         (n,) bool
         """
+        self._check_places(source, "source")
+        self._check_places(target, "target")
         batch = make_batch(
             origins, directions, t_min, t_max, source, target, self._reach, self._pool
         )
@@ -364,7 +371,8 @@ class Intersector:
         """Find every crossing of each ray. A shared edge, a seam or a pole counts once.
 
         So does a place where the surfaces of two objects coincide within the bounds of both: one of them
-        is named. Where a ray grazes a surface both crossings are there, however near each other, unless
+        is named. But of two faces within the gap of an edge (`EDGE`), one met from in front and one from
+        behind, both are there. Where a ray grazes a surface both crossings are there, however near each other, unless
         moving the ray by the band or so could take them away: then they may count as one, or be left out,
         and a ray that passes by may count one. A row that stands for such a pair says TANGENT. No row tells
         of a pair that was left out, nor of a crossing that rounding alone puts beyond ``t_max``;

@@ -75,8 +75,8 @@ class Batch:
         known = np.empty((end - begin, 6))
         for column, record in ((0, self.source), (2, self.target)):
             if isinstance(record, np.ndarray):
-                known[:, 0] = record[begin:end] / unit
-                known[:, 1:] = 0.0, 0.0, PASSED, -1.0, np.nan
+                known[:, 0], known[:, 2] = record[begin:end, 0] / unit, record[begin:end, 1]
+                known[:, 1], known[:, 3:] = 0.0, (PASSED, -1.0, np.nan)
                 return known
             if record is None:
                 known[:, column : column + 2] = 0.0, -1.0

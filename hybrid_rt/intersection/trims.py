@@ -10,18 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray
-from hybrid_rt.intersection.kernels.search.trims import FLATTEST_EDGE, Trim
-from hybrid_rt.primitives.rectangle import Rectangle
-from meshing import SurfaceOfRevolution, TrimmedSurface, tessellate
+from hybrid_rt.intersection.kernels.search.trims import Trim
+from meshing import TrimmedSurface, tessellate
 from meshing.certified_mesh import CertifiedMesh
 from meshing.spans import within_patch
-from meshing.surface import Surface
 from meshing.tessellation import whole_triangles
-from meshing.trims import MOST_TILES, boxes_outside, make_table
-
-# Tiles know what is within half of them: of the smallest, half is left to the gap. A ray that is as flat as
-# any counts as within the gap of an edge so far from it.
-NARROW = 0.25 / MOST_TILES * FLATTEST_EDGE
+from meshing.trims import boxes_outside, make_table
 
 
 def trimmed_of(members: Sequence[tuple[int, Any]]) -> list[TrimmedSurface] | None:
@@ -60,26 +54,8 @@ def trim_of(
     span[:, 1] -= spans[:, 0]
     span[:, 3] -= spans[:, 2]
     gap = np.array([surface.gap for surface in surfaces]) * to_frame
-    is_wide = np.array(
-        [surface.gap * _most_uv(surface.surface) > NARROW for surface in surfaces], np.bool_
-    )
     member = np.repeat(np.arange(len(surfaces)), counts).astype(np.int64)
-    return Trim(make_table(surfaces), member, span, gap[member], is_wide[member], scale)
-
-
-def _most_uv(surface: Surface) -> float:
-    """Return how far in u or v a way on a surface leads at most, over its length; inf: not known."""
-    if isinstance(surface, Rectangle):
-        return float(
-            max(np.linalg.norm(surface.edge_u), np.linalg.norm(surface.edge_v)) / surface.area
-        )
-    if isinstance(surface, SurfaceOfRevolution) and all(len(s) == 2 for s in surface.segments):
-        points = np.concatenate(surface.segments)
-        begin, end = surface.u_range
-        around = 2.0 * np.pi * (end - begin) * float(points[:, 1].min())
-        along = sum(float(np.hypot(*(s[1] - s[0]))) for s in surface.segments)
-        return 1.0 / min(around, along) if around > 0.0 else np.inf
-    return np.inf
+    return Trim(make_table(surfaces), member, span, gap[member], scale)
 
 
 def no_trim() -> Trim:

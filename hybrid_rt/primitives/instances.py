@@ -124,8 +124,19 @@ class Instances(Surface):
         Parameters
         ----------
         patch_id : int array-like, any shape
+
+        Raises
+        ------
+        IndexError
+            For a number that is no patch.
         """
-        place, rest = np.divmod(np.asarray(patch_id, np.int64), self.n_patches)
+        ids, n = np.asarray(patch_id, np.int64), len(self)
+        if ids.size and not 0 <= ids.min() <= ids.max() < n:
+            bad = ids[(ids < 0) | (ids >= n)].flat[0]
+            raise IndexError(
+                f"Instances patch_id holds {bad}: pass 0 to {n - 1}, not those of misses"
+            )
+        place, rest = np.divmod(ids, self.n_patches)
         member = np.searchsorted(self._first, rest, side="right") - 1
         return place, member, rest - self._first[member]
 

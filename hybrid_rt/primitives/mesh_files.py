@@ -11,7 +11,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from meshing.checks import text_of
+from meshing.checks import check_is_file, text_of
 
 if TYPE_CHECKING:
     import trimesh
@@ -28,8 +28,7 @@ _COUNTING = re.compile(rb"^[ \t]*[flp][ \t][^\n]*-", re.MULTILINE)
 def read_mesh(file: Path) -> trimesh.Trimesh:
     """Return the mesh of a file: all its parts as one; errors name the file, or the package that is missing."""
     what = f"TriangleMesh file {str(file)!r}"
-    if not file.is_file():
-        raise FileNotFoundError(f"{what}: there is no such file")
+    check_is_file(file, what)
     if file.suffix.lower() in CAD_FILES:
         raise ValueError(f"{what} is a CAD file, without triangles: hybrid_rt.read_cad reads it")
     import trimesh

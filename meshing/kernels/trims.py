@@ -16,12 +16,14 @@ from meshing.kernels.jit import inlined, inner, kernel
 
 # What a tile of the map is known to be: the point sets of the sides, or asked piece by piece.
 OUTSIDE, INSIDE, CROSSED = 0, 1, 2
-# Columns of `TrimTable.piece`: parameter and place of the lower end, then of the upper.
-S_LOW, X_LOW, Y_LOW, S_HIGH, X_HIGH, Y_HIGH = 0, 1, 2, 3, 4, 5
+# Columns of `TrimTable.piece`: parameter and place of the lower end, then of the upper; its part of the gap.
+S_LOW, X_LOW, Y_LOW, S_HIGH, X_HIGH, Y_HIGH, GAP_SHARE = 0, 1, 2, 3, 4, 5, 6
 # Columns of `TrimTable.member`.
 FIRST_SLAB, N_SLABS, FIRST_TILE, N_TILES, N_PIECES = 0, 1, 2, 3, 4
 # The border u = 1 or v = 1 is asked this far inside, u = 0 and v = 0 as well: less than rounding.
 WITHIN = 2.0**-53
+# So far from a straight piece at their height, besides their rectangle, points are beside it whatever rounding does.
+BESIDE_LINE = 2.0**-46
 # Chords that a piece of curve near a point is measured by, and how often: the part shrinks to 3/8 each
 # time, its sagitta to 1/7, so to 2e-9 of what the box holds.
 CHORDS, PASSES = 8, 10
@@ -32,7 +34,7 @@ class TrimTable(NamedTuple):
 
     net: Any  # (total, 3) float64: w x, w y, w of the arcs, the largest w of each in [1/2, 1)
     arc: Any  # (p, 2) int64: first row in `net` and degree of the arc of each piece
-    piece: Any  # (p, 6) float64
+    piece: Any  # (p, 7) float64
     slab: Any  # (s + 1,) int64: where the pieces of each slab of v begin in `listed`
     listed: Any  # (l,) int32
     tile: Any  # (t,) uint8: OUTSIDE, INSIDE or CROSSED
@@ -91,6 +93,11 @@ def side_of_piece(table, p, u, v, du, dv):
     is_near = v <= ya + dv or v >= yb - dv
     if not straddles:
         return False, True
+    if table.arc[p, 1] == 1:
+        slope = (xb - xa) / (yb - ya)
+        x = xa + (v - ya) * slope
+        if abs(u - x) > du + abs(slope) * dv + BESIDE_LINE:
+            return u < x, is_near
     while True:
         low, high = min(xa, xb), max(xa, xb)
         if u < low and (is_near or u < low - du):
@@ -161,13 +168,14 @@ def gap_to_piece(table, p, u, v, du, dv, px, py, pz, qx, qy, qz):
     least = np.inf
     if not meets:
         return least
-    for _ in range(PASSES):
-        step = (last - first) / CHORDS
+    chords = 1 if table.arc[p, 1] == 1 else CHORDS
+    for _ in range(1 if chords == 1 else PASSES):
+        step = (last - first) / chords
         x, y = point_of_piece(table, p, first)
         x, y = x - u, y - v
         ax, ay, az = x * px + y * qx, x * py + y * qy, x * pz + y * qz
         least, nearest = ax * ax + ay * ay + az * az, 0
-        for k in range(1, CHORDS + 1):
+        for k in range(1, chords + 1):
             x, y = point_of_piece(table, p, first + k * step)
             x, y = x - u, y - v
             bx, by, bz = x * px + y * qx, x * py + y * qy, x * pz + y * qz
@@ -182,7 +190,7 @@ def gap_to_piece(table, p, u, v, du, dv, px, py, pz, qx, qy, qz):
             ax, ay, az = bx, by, bz
         # The nearest chord and its neighbours.
         begin = first + max(nearest - 1, 0) * step
-        last = first + min(nearest + 2, CHORDS) * step
+        last = first + min(nearest + 2, chords) * step
         first = begin
     return least
 
@@ -250,6 +258,26 @@ def gap_to_loops(table, m, u, v, du, dv, px, py, pz, qx, qy, qz):
             p = np.int64(table.listed[k])
             least = min(least, gap_to_piece(table, p, u, v, du, dv, px, py, pz, qx, qy, qz))
     return np.sqrt(least)
+
+
+@inner
+def widest_reach(table, m, u, v, du, dv, px, py, pz, qx, qy, qz, reach):
+    """Return the largest reach of the curves that are within theirs of a point; 0: of none.
+
+    A curve's is its part of ``reach``; as far in space lead du in u and dv in v. See `gap_to_loops`.
+    """
+    u, v = min(max(u, WITHIN), 1.0 - WITHIN), min(max(v, WITHIN), 1.0 - WITHIN)
+    error, widest = table.error[m], 0.0
+    for slab in range(slab_of(table, m, v - dv - error), slab_of(table, m, v + dv + error) + 1):
+        for k in range(table.slab[slab], table.slab[slab + 1]):
+            p = np.int64(table.listed[k])
+            share = table.piece[p, GAP_SHARE]
+            own = share * reach
+            if own > widest:
+                eu, ev = share * du + error, share * dv + error
+                if gap_to_piece(table, p, u, v, eu, ev, px, py, pz, qx, qy, qz) <= own * own:
+                    widest = own
+    return widest
 
 
 @kernel

@@ -27,6 +27,7 @@ from meshing import (
     polygon,
     tessellate,
 )
+from meshing.body_mesh import _with_edges_of_two
 
 TUBE = Cylinder((0, 0, 0), (0, 0, 1), 1.0, 2.0)
 SQUARE = Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0))
@@ -304,3 +305,31 @@ def test_what_cannot_be_meshed_is_named():
         tessellate(cut_lens(), 0.1)
     with pytest.raises(ValueError, match="max_triangles = 100"):
         tessellate(BODIES["tube"][0], 1e-6, max_triangles=100)
+
+
+@pytest.mark.parametrize(("share", "vertices"), [(1.0, 6), (1e-6, 8)])
+def test_a_wide_curve_widens_no_other_one(share, vertices):
+    """Two squares 0.1 apart, whose far sides have a gap of 0.2 and whose near ones a share of that."""
+    corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
+
+    def square(x, wide):
+        sides = polygon(corners)
+        loop = [Curve2(c.control, None, 1.0 if k == wide else share) for k, c in enumerate(sides)]
+        return TrimmedSurface(Rectangle((x, 0, 0), (1, 0, 0), (0, 1, 0)), [loop], 0.2)
+
+    mesh = tessellate([square(0.0, 1), square(-1.1, 3)], 0.01)
+    assert len(mesh.vertices) == vertices
+
+
+def test_edges_of_two_faces_on_each_other_are_told_apart():
+    """A square and its back with the same diagonal: one of them gets a vertex in its middle."""
+    points = np.array([(0.0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
+    faces = np.array([(0, 1, 2), (0, 2, 3), (0, 2, 1), (0, 3, 2)])
+    of = np.array([0, 0, 1, 1], np.int32)
+    more, faces, uv, rows = _with_edges_of_two(points, faces, points[faces][:, :, :2], of)
+    edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2), axis=2)
+    assert (np.unique(edges.reshape(-1, 2), axis=0, return_counts=True)[1] == 2).all()
+    assert more[4:].tolist() == [[0.5, 0.5, 0.0]]
+    np.testing.assert_array_equal(more[faces][:, :, :2], uv)
+    normal = np.cross(*(more[faces][:, k] - more[faces][:, 0] for k in (1, 2)))[:, 2]
+    assert (np.sign(normal) == np.where(of[rows] == 0, 1, -1)).all()

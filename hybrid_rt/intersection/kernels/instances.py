@@ -16,7 +16,7 @@ from hybrid_rt.core.kernels.compensated import product, two_difference
 from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.frame import begin_of, end_of, enter_frame
 from hybrid_rt.intersection.kernels.search.members import FARTHEST
-from hybrid_rt.intersection.kernels.search.nearest import CLEAR, WITHIN_BAND
+from hybrid_rt.intersection.kernels.search.nearest import CLEAR, PASSED, WITHIN_BAND
 from hybrid_rt.intersection.kernels.search.rays import scale_ray
 from hybrid_rt.intersection.kernels.search.tolerances import UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import (
@@ -200,6 +200,10 @@ def _take_limits(i, k, rays, best, places, pairs):
         pairs.known[k, c], pairs.known[k, c + 1] = t, radius
         if radius > 0.0:
             pairs.known[k, c + 1] = radius * over + ROUNDING * (start + abs(t) * length)
+    if rays.known[i, 3] == PASSED:
+        # Surfaces in a place have numbers of their own: at the same t all of its object are passed, or none.
+        is_later = places.object_id[places.block[pairs.place[k]]] > rays.known[i, 2]
+        pairs.known[k, 2] = -1.0 if is_later else np.inf
     pairs.known[k, 4], pairs.known[k, 5] = -1.0, np.nan
 
 

@@ -38,8 +38,8 @@ from hybrid_rt.intersection.kernels.search.trims import (
     NEARBY,
     decide,
     has_gap,
-    quick_side,
     side_of_tile,
+    sure_side,
 )
 from meshing.kernels.jit import inlined, inner, kernel
 from meshing.kernels.trims import CROSSED, INSIDE, OUTSIDE
@@ -219,11 +219,13 @@ def _side_of_loops(i, k, u, v, t, band, trim, table, rays, best):
 
 
 @inlined
-def _sure_side(trim, k, u, v, slope, rim_u, rim_v):
-    """Return the side of a root that the band moves by less than rim_u / slope in u; CROSSED: look."""
+def _sure_side(trim, k, u, v, slope, band, rim_u, rim_v):
+    """Return the side of a root that ``band`` moves by less than rim_u / slope in u; CROSSED: look."""
     if trim is None:
         return INSIDE
-    if rim_u > NEARBY * slope or rim_v > NEARBY * slope:
+    # |d| is less than 2, and lengths are no more than sums of absolute values.
+    most = NEARBY * slope / (1.0 + 2.0 * trim.gap[k] / band)
+    if rim_u > most or rim_v > most:
         return CROSSED
     return side_of_tile(trim, k, u, v)
 
@@ -294,7 +296,7 @@ def offer_parallelogram(i, k, table, rays, best):
     if within_u > rim_u and within_v > rim_v:
         if table.trim is not None and _is_skew(edge_u, row_u, k):
             u, v = _weights(i, k, t, table, rays)
-        side = _sure_side(table.trim, k, u, v, slope, rim_u, rim_v)
+        side = _sure_side(table.trim, k, u, v, slope, band, rim_u, rim_v)
         if side == OUTSIDE:
             return
     else:
@@ -405,9 +407,20 @@ def finish_rectangle(table, k, rays, best, i, out):
 @inner
 def is_edge(k, u, v, d, trim, table):
     """Tell whether a hit on parallelogram k is within the gap of an edge."""
-    if trim is None or quick_side(trim, k, u, v) != CROSSED:
+    if trim is None:
         return False
-    p, q = table.edge_u[k], table.edge_v[k]
+    p, q, n, a, b = (
+        table.edge_u[k],
+        table.edge_v[k],
+        table.normal[k],
+        table.row_u[k],
+        table.row_v[k],
+    )
+    slope = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
+    room = slope * slope / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    per_u, per_v = a[0] * a[0] + a[1] * a[1] + a[2] * a[2], b[0] * b[0] + b[1] * b[1] + b[2] * b[2]
+    if sure_side(trim, k, u, v, per_u, per_v, 0.0, room) != CROSSED:
+        return False
     edge = decide(trim, k, u, v, p[0], p[1], p[2], q[0], q[1], q[2], d[0], d[1], d[2], 0.0)[2]
     return edge > 0.0
 

@@ -36,7 +36,7 @@ from hybrid_rt.intersection.kernels.search.members import finish_each, offer_nea
 from hybrid_rt.intersection.kernels.search.nearest import doubt, not_zero, offer
 from hybrid_rt.intersection.kernels.search.rays import EDGE
 from hybrid_rt.intersection.kernels.search.tolerances import TANGENT_BAND, UNIT_ROUNDOFF
-from hybrid_rt.intersection.kernels.search.trims import NEARBY, has_gap, side_of_tile
+from hybrid_rt.intersection.kernels.search.trims import has_gap, is_steady, side_of_tile
 from meshing.kernels.jit import inlined, inner, kernel
 from meshing.kernels.trims import CROSSED, INSIDE, OUTSIDE
 
@@ -44,6 +44,7 @@ from meshing.kernels.trims import CROSSED, INSIDE, OUTSIDE
 BESIDE = 1e-2
 # The u and v of a root whose side of the loops is certain without: found when its hit is described.
 LATER = -1.0
+PI_SQUARE = np.pi**2
 
 
 class SphereTable(NamedTuple):
@@ -124,10 +125,9 @@ def _sure_side(i, k, t, n_dot_d, band, trim, table, rays):
         table.frame[k], o[0] - c[0] + t * d[0], o[1] - c[1] + t * d[1], o[2] - c[2] + t * d[2]
     )
     square = x * x + y * y
-    # The band moves it by band |d| / n.d, which is that over 2 pi rho in u, and over pi r in v.
-    reach = NEARBY * np.pi * n_dot_d
-    least = min(4.0 * square, r * r)
-    if band * band * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) > reach * reach * least:
+    room = n_dot_d * n_dot_d / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    per_u, per_v = 0.25 / (PI_SQUARE * max(square, 1e-300)), 1.0 / (PI_SQUARE * r * r)
+    if not is_steady(trim, k, per_u, per_v, band, room):
         return CROSSED
     return side_of_tile(trim, k, rough_share(y, x), 2.0 * rough_share(np.sqrt(square), -z))
 

@@ -21,6 +21,11 @@ if TYPE_CHECKING:
     from hybrid_rt.intersection.kernels.search.members import Members
 
 
+# Roots on trimmed surfaces take longer, so what a tree leaves out is worth more: of 113 and 130 trimmed rectangles
+# two parts of NIST are asked in 0.37 and 0.68 us a ray, without a tree in 0.58 and 1.01.
+MANY_TRIMMED = 64
+
+
 class ClosedForm:
     """First hits on a kind without a coarse stage; many members are put into a tree.
 
@@ -59,6 +64,7 @@ class ClosedForm:
         order, self._n_plain = np.arange(len(members)), len(members)
         self._in_trees: list[Members] = []
         if trace_tree is not None:
+            many = min(many, MANY_TRIMMED) if trimmed else many
             order, self._n_plain, self._in_trees = in_order(whole, many)
         if trimmed:
             make_table = partial(make_table, trim=trim_of_single([trimmed[k] for k in order]))

@@ -151,6 +151,22 @@ class InstanceKind:
         """Return what traces one slice of n rays: it remembers what they hit."""
         return InstanceSlice(self, n)
 
+    def check_places(self, hits: HitRecord, name: str) -> None:
+        """Refuse hits in places that there are not."""
+        places, most = self.places, np.iinfo(np.int64).max
+        n = max(int(places.object_id.max()), int(hits.object_id.max(initial=0))) + 2
+        counts = np.diff(places.first, append=len(places.block))
+        limit = np.full(n, most)
+        limit[places.object_id] = counts * places.n_patches
+        bad = np.flatnonzero(hits.patch_id >= limit[hits.object_id])  # of a miss the last
+        if len(bad):
+            own = int(hits.object_id[bad[0]])
+            row = int(np.flatnonzero(places.object_id == own)[0])
+            raise ValueError(
+                f"{name} names place {hits.patch_id[bad[0]] // places.n_patches[row]} of surface {own}, which has "
+                f"{counts[row]}: pass hits of this intersector"
+            )
+
     def name_instances(self, hits: HitRecord) -> None:
         """Fill ``instance_id`` of the rows that hit instances."""
         row = np.full(

@@ -78,7 +78,8 @@ def test_mirrored_parts_have_normals_outward(tmp_path):
 def test_a_scene_has_the_colours_of_the_file(model):
     scene = model.scene(width=32, height=24)
     assert len(scene.objects) == len(model.surfaces) + 1
-    assert [item.name for item in scene.objects[:2]] == ["plate, in places", "bolt, face 6"]
+    # Two plates are copies.
+    assert [item.name for item in scene.objects[5:7]] == ["plate, face 5", "plate, face 0"]
     materials = {id(item.material) for item in scene.objects}
     assert len(materials) == 3  # plates, bolt, ground
 

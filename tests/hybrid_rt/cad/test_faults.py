@@ -57,6 +57,32 @@ def test_damaged_files_are_refused(tmp_path, name, content, match):
     refused(tmp_path / name, match)
 
 
+@pytest.mark.parametrize("value", ["NAN", "-inf", "1.E400"])
+def test_what_is_no_number_is_named_at_once(tmp_path, value):
+    """OpenCASCADE reads such points, and then iterates for ever."""
+    pytest.importorskip("OCP")
+    whole = (DATA / "nist_ftc_11_asme1_rb.stp").read_text("latin-1")
+    file = tmp_path / "wrong.stp"
+    file.write_text(re.sub(r"(CARTESIAN_POINT\('',\()[^,]*", rf"\g<1>{value}", whole), "latin-1")
+    refused(file, f"holds '{value}' where a number is expected", seconds=30.0)
+
+
+def test_a_text_may_speak_of_nan(tmp_path):
+    pytest.importorskip("OCP")
+    whole = (DATA / "nist_ftc_11_asme1_rb.stp").read_text("latin-1")
+    file = tmp_path / "named.stp"
+    file.write_text(whole.replace("DATA;", "DATA; /* (nan, inf) */", 1), "latin-1")
+    assert len(read_cad(file).faces) == 6
+
+
+def test_folders_and_limits_that_cannot_be_are_named(tmp_path):
+    (tmp_path / "part.step").mkdir()
+    refused(tmp_path / "part.step", "is a folder: pass a file", IsADirectoryError)
+    for name, value in (("gigabytes", 1e300), ("gigabytes", 1e-12), ("seconds", 1e300)):
+        with pytest.raises(ValueError, match=f"read_cad {name} is"):
+            read_cad(tmp_path / "a.step", **{name: value})
+
+
 def test_a_truncated_file_is_refused_or_read_in_part(tmp_path):
     shapes = pytest.importorskip("cad_shapes")
     file = shapes.write(shapes.SHAPES["cone"](), tmp_path / "cone.step")

@@ -1,13 +1,18 @@
 """Faces of every kind, through files, against OpenCASCADE's own hits and closed forms."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from hybrid_rt import Flag, Intersector, read_cad
+from hybrid_rt.cad.model import _model_of
+from hybrid_rt.cad.process import arrays_of
 from hybrid_rt.core.records import Status
 
 shapes = pytest.importorskip("cad_shapes", reason="needs OCP")
 
+DATA = Path(__file__).parents[2] / "data"
 RAYS = 80
 APART = 60.0
 
@@ -107,6 +112,40 @@ def test_crossings_at_edges_are_paired(every_kind):
     # Outside of the band nothing is left out.
     left_out = len(crossings) - len(paired)
     assert 0 < left_out <= (crossings.hits.flags & Flag.EDGE > 0).sum()
+
+
+def test_no_ray_at_an_edge_or_a_vertex_of_a_real_part_comes_out_odd():
+    """Points of the edges of a part of NIST with tori: 33 of each, its ends among them."""
+    file = DATA / "nist_ftc_11_asme1_rb.stp"
+    model = read_cad(file)
+    options = {"unit": "file", "sew": None, "approximate": None}
+    points = arrays_of(file, options, 60.0, 16.0)["xyz"].reshape(-1, 3)
+    ways = np.random.default_rng(12).normal(size=points.shape)
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    tracer = Intersector(model.surfaces, coarse="none")
+    crossings = tracer.intersect_all(points - 200 * ways, ways)
+    paired, is_paired = model.paired(crossings)
+    assert is_paired.all()
+    assert (paired.count % 2 == 0).all()
+    # The first hit is where the ray enters, or within the gap of an edge.
+    first = tracer.intersect(points - 200 * ways, ways)
+    assert (first.front_face | ~first.hit | (first.flags & Flag.EDGE > 0)).all()
+
+
+def test_each_curve_has_the_gap_of_its_edge():
+    """Of two faces that are 1e-3 apart along one edge the other edges stay sharp."""
+    options = {"unit": "file", "sew": None, "approximate": None}
+    arrays = arrays_of(DATA / "nist_ftc_11_asme1_rb.stp", options, 60.0, 16.0)
+    uses, xyz = arrays["uses"], arrays["xyz"]
+    edge = uses["edge"][np.flatnonzero(uses["face"] == 3)[0]]
+    both = np.flatnonzero(uses["edge"] == edge)
+    xyz[both[0]] += (0.0, 0.0, 1e-6)
+    model = _model_of(arrays)
+    gap = model.faces["gap_measured"][uses["face"][both]]
+    assert gap == pytest.approx(1e-6, rel=0.2)
+    shares = {c.gap_share for s in model.surfaces for loop in s.loops for c in loop if s.gap > 1e-6}
+    assert 1.0 in shares
+    assert min(shares) < 0.1
 
 
 def test_iges_of_loose_faces_is_sewed(tmp_path):

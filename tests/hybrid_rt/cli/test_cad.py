@@ -69,11 +69,15 @@ def test_rays_of_a_file_are_traced_in_pieces(part, rays, tmp_path, capsys):
     [
         ("none.npy", None, "there is no such file"),
         ("text.npy", "1 2 3", "is no .npy file"),
-        ("flat.npy", np.zeros((4, 3)), r"holds \(4, 3\): pass numbers \(n, 6\)"),
+        ("flat.npy", np.zeros((4, 3)), r"holds \(4, 3\) of float64: pass real numbers \(n, 6\)"),
+        ("both.npy", np.zeros((4, 6), complex), r"holds \(4, 6\) of complex128: pass real"),
+        ("folder", "folder", "is a folder: pass a file"),
     ],
 )
 def test_rays_that_are_none_are_named(part, tmp_path, capsys, name, content, words):
-    if isinstance(content, str):
+    if name == "folder":
+        (tmp_path / name).mkdir()
+    elif isinstance(content, str):
         (tmp_path / name).write_text(content)
     elif content is not None:
         np.save(tmp_path / name, content)
@@ -81,6 +85,46 @@ def test_rays_that_are_none_are_named(part, tmp_path, capsys, name, content, wor
     assert main(arguments) == 2
     assert re.search(words, capsys.readouterr().err)
     assert not (tmp_path / "hits.npz").exists()
+
+
+@pytest.mark.parametrize("ending", ["npz", "csv", "parquet"])
+def test_columns_have_names_without_rays_too(part, tmp_path, ending):
+    if ending == "parquet":
+        pytest.importorskip("pyarrow")
+    rays, out = tmp_path / "none.npy", tmp_path / f"hits.{ending}"
+    np.save(rays, np.empty((0, 6)))
+    assert main(["rays", str(part), str(rays), "--out", str(out)]) == 0
+    if ending == "npz":
+        with np.load(out) as found:
+            assert found["face"].shape == (0,)
+    elif ending == "csv":
+        assert out.read_text().startswith("t,face,part,")
+    else:
+        from pyarrow import parquet
+
+        assert parquet.read_table(out).column_names[:3] == ["t", "face", "part"]
+
+
+def test_rays_are_written_as_parquet(part, rays, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    out, same = tmp_path / "hits.parquet", tmp_path / "hits.npz"
+    for file in (out, same):
+        assert main(["rays", str(part), str(rays), "--out", str(file), "--piece", "300"]) == 0
+    table = parquet.read_table(out)
+    with np.load(same) as found:
+        assert set(table.column_names) == set(found.files)
+        for name in found.files:
+            np.testing.assert_array_equal(table[name].to_pylist(), found[name])
+
+
+def test_how_fine_a_mesh_of_a_part_must_be(part, capsys):
+    assert main(["accuracy", str(part), "--quick", "--rays", "500", "--threads", "1"]) == 0
+    rows = [line.split() for line in capsys.readouterr().out.splitlines() if line[:3] == "   "]
+    rungs = [row for row in rows if row[0].replace(".", "").replace("e-", "").isdigit()]
+    wrong = [float(row[8]) for row in rungs if len(row) > 12]  # random rays at the mesh, in %
+    assert len(wrong) == 3
+    assert wrong[-1] <= wrong[0]
+    assert wrong[-1] < 2.0  # planes have no error, and edges are cut
 
 
 def test_other_outputs_are_refused_before_the_work(part, rays, tmp_path, capsys):

@@ -311,3 +311,22 @@ def test_images_of_instances_are_instances():
     np.testing.assert_array_equal(
         trace(instances.flipped(), o, d).front_face, a.hit & ~a.front_face
     )
+
+
+def test_patches_and_places_that_there_are_not_are_named():
+    few, many = (Instances(Sphere((0, 0, 0), 0.2), np.eye(4) + k) for k in (steps(2), steps(5)))
+    with pytest.raises(IndexError, match="patch_id holds 2: pass 0 to 1"):
+        few.split([0, 2])
+    with pytest.raises(IndexError, match="holds -1: pass 0 to 1, not those of misses"):
+        few.split(-1)
+    rays = np.array([(4.0, 0.0, 5.0)]), np.array([(0.0, 0.0, -1.0)])
+    hits = Intersector(many).intersect(*rays)
+    with pytest.raises(ValueError, match="source names place 4 of surface 0, which has 2"):
+        Intersector(few).intersect(*rays, source=hits)
+
+
+def steps(n):
+    """Translations along x by 0, 1, 2 ..., less the identity."""
+    moved = np.zeros((n, 4, 4))
+    moved[:, 0, 3] = np.arange(n)
+    return moved

@@ -1,6 +1,7 @@
 """First hits on trimmed surfaces: closed forms, exact arithmetic beside edges, all queries agree."""
 
 import dataclasses
+import pickle
 
 import numpy as np
 import pytest
@@ -30,6 +31,7 @@ from hybrid_rt.intersection.kinds.patches import PatchKind
 from hybrid_rt.trimesh_adapter import RayMeshIntersector
 from meshing import (
     BezierPatches,
+    Curve2,
     Cylinder,
     SurfaceOfRevolution,
     TrimmedSurface,
@@ -184,6 +186,15 @@ def test_hits_within_the_gap_are_edges():
         if is_edge:
             assert (hits.t_bound >= gap).all()
             assert (hits.t_bound <= 1.001 * gap).all()
+    # Of a curve that has a tenth of the gap it is a tenth.
+    hole = [Curve2(c.control, c.weights, 0.1) for c in plate().loops[1]]
+    shared = TrimmedSurface(plate().surface, [plate().loops[0], hole], gap)
+    for image in (shared, pickle.loads(pickle.dumps(shared)), shared.flipped().flipped()):
+        narrow = Intersector(image)
+        for beside, is_edge in ((-0.9e-4, True), (1.1e-4, False), (0.9e-3, False)):
+            hits = narrow.intersect(*down((0.5 + beside) * ring))
+            assert ((hits.flags & Flag.EDGE > 0) == is_edge).all()
+        assert not narrow.intersect(*down((0.5 - 1.1e-4) * ring)).hit.any()
     # Met at 60 degrees the gap reaches twice as far along the surface, and along the ray.
     slanted = np.array([np.sqrt(3.0), 0.0, -1.0])
     for beside, is_hit in ((-1.9e-3, True), (-2.1e-3, False)):
@@ -379,3 +390,21 @@ def test_repr_names_the_loops():
     assert repr(plate(gap=0.5)).endswith("2 loops of 8 curves, gap=0.5)")
     words = repr(Intersector([plate(), plate([polygon([(0, 0), (1, 0), (0, 1)])])], coarse="none"))
     assert "trimmed Bezier patches: 2" in words
+
+
+def test_both_faces_of_an_edge_are_crossings_at_the_very_same_t():
+    """A wedge of two squares, met where they meet: in by one and out by the other, or past both."""
+    border, gap = [polygon([(0, 0), (1, 0), (1, 1), (0, 1)])], 1e-6
+    wedge = [
+        TrimmedSurface(Rectangle((0, 0, 0), (1, 0, side), (0, 1, 0)), border, gap)
+        for side in (1, -1)
+    ]
+    wedge[1] = wedge[1].flipped()
+    tracer = Intersector(wedge)
+    for y in (0.5, 0.25):
+        crossings = tracer.intersect_all((0, y, 4), (0, 0, -1))
+        assert crossings.hits.t.tolist() == [4.0, 4.0]
+        assert sorted(crossings.hits.front_face.tolist()) == [False, True]
+        assert (crossings.hits.flags & Flag.EDGE).all()
+    # From the side both are met from in front: one crossing.
+    assert tracer.intersect_all((-4, 0.5, 0), (1, 0, 0)).count[0] == 1

@@ -202,7 +202,10 @@ def finish_patches(table, rays, best, kind_of, kind, basis, out):
         about = TANGENT_BAND * (abs(hx) + abs(hy) + abs(hz) + 2.0 * abs(shift) + 3.0)
         far_u, far_v, room = about * about * gvv * dd, about * about * guu * dd, det * det
         is_trimmed = table.trim.member.shape[0] > 0
-        if is_trimmed and sure_side(table.trim, k, u, v, far_u, far_v, room) == CROSSED:
+        if (
+            is_trimmed
+            and sure_side(table.trim, k, u, v, gvv * dd, guu * dd, about, room) == CROSSED
+        ):
             band = band_of_ray(table.trim, k, ox - shift * dx, oy - shift * dy, oz - shift * dz)
             _, is_within, edge = decide(
                 table.trim, k, u, v, ux, uy, uz, vx, vy, vz, dx, dy, dz, band

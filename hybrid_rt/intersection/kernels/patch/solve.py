@@ -20,9 +20,15 @@ from hybrid_rt.intersection.kernels.search.nearest import (
     offer,
 )
 from hybrid_rt.intersection.kernels.search.tolerances import MAX_STEPS, TANGENT_BAND, UNIT_ROUNDOFF
-from hybrid_rt.intersection.kernels.search.trims import band_of_ray, decide, may_be_kept, quick_side
+from hybrid_rt.intersection.kernels.search.trims import (
+    band_of_ray,
+    decide,
+    is_steady,
+    may_be_kept,
+    side_of_tile,
+)
 from meshing.kernels.jit import inlined, inner
-from meshing.kernels.trims import INSIDE, OUTSIDE
+from meshing.kernels.trims import CROSSED, INSIDE, OUTSIDE
 
 CONVERGED, FAILED = 1, 0
 # After a step this small (relative to the cell) the next would be below rounding.
@@ -233,16 +239,22 @@ def is_inside_loops(i, u, v, t, trim, patch, ray, rays, best):
     ):  # an argument of its own: numba leaves the rest out
         return True, 0.0
     k = patch.row
-    side = quick_side(trim, k, u, v)
-    if side == OUTSIDE:
+    side = side_of_tile(trim, k, u, v)
+    if side == OUTSIDE and trim.gap[k] == 0.0:
         return False, 0.0
-    if side == INSIDE:
+    if side == INSIDE and trim.gap[k] == 0.0:
         return True, 0.0
     ox, oy, oz, dx, dy, dz, shift, to_world = ray
     _, _, _, xu, yu, zu, xv, yv, zv = evaluate_any(
         patch.control, patch.start, patch.degree_u, patch.degree_v, u, v, patch.basis,
         patch.rational,
     )  # fmt: skip
+    if side != CROSSED:
+        nx, ny, nz = yu * zv - zu * yv, zu * xv - xu * zv, xu * yv - yu * xv
+        room = (nx * dx + ny * dy + nz * dz) ** 2 / (dx * dx + dy * dy + dz * dz)
+        per_u, per_v = xv * xv + yv * yv + zv * zv, xu * xu + yu * yu + zu * zu
+        if is_steady(trim, k, per_u, per_v, 0.0, room):
+            return side == INSIDE, 0.0
     band = band_of_ray(trim, k, ox - shift * dx, oy - shift * dy, oz - shift * dz)
     is_hit, is_within, edge = decide(trim, k, u, v, xu, yu, zu, xv, yv, zv, dx, dy, dz, band)
     if is_within and not is_hit:
@@ -276,7 +288,7 @@ def offer_root(i, u, v, t, n_dot_d, patch, ray, rays, best):
     )
     t_world = (t + shift) * to_world
     t_bound = (2.0 * error / n_dot_d + 2.0 * UNIT_ROUNDOFF * abs(t + shift)) * to_world
-    if is_passed(i, t_world, t_bound, n_dot_d, known):
+    if is_passed(i, t_world, t_bound, n_dot_d, patch.object_id, known):
         _, _, _, xu, yu, zu, xv, yv, zv = evaluate_any(
             patch.control, patch.start, patch.degree_u, patch.degree_v, u, v, patch.basis,
             patch.rational,

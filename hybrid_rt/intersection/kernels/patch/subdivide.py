@@ -288,7 +288,7 @@ def _offer_touch(i, near, t, thick, n_dot_d, slop, length, patch, ray, rays, bes
     t_world = (t_near + ray.shift) * ray.to_world
     slope *= length
     is_ahead = t_world + t_bound > rays.t_min[i]
-    if not is_ahead or is_passed(i, t_world, t_bound, slope, rays.known):
+    if not is_ahead or is_passed(i, t_world, t_bound, slope, patch.object_id, rays.known):
         return False, False
     is_kept, edge = is_inside_loops(i, u, v, t_near, patch.trim, patch, ray, rays, best)
     if not is_kept:

@@ -130,9 +130,12 @@ def finish_revolutions(table, rays, best, row_of, ray, out):
         turn = turn_within(angle_of(ey, ex) / TURN, table.part[k, BEGIN], share)
         out.u[i] = min(turn / share, 1.0)
         slope = abs(nr * rate + nz * ray[RISE]) / ray[LENGTH]
-        band, along = ray[BAND], TURN * max(r, 0.0)
-        far_v = (band * along / speed) ** 2
-        if sure_side(table.trim, seg, turn, s, band**2, far_v, (slope * along) ** 2) == CROSSED:
+        along = TURN * max(r, 0.0)
+        room = (slope * along) ** 2
+        if (
+            sure_side(table.trim, seg, turn, s, 1.0, (along / speed) ** 2, ray[BAND], room)
+            == CROSSED
+        ):
             _, is_within, edge = side_by_curves(
                 table.trim, seg, table.end[seg], turn, s, along, zs * speed, rs * speed, ray, t
             )

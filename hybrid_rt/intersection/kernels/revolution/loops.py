@@ -28,7 +28,7 @@ from hybrid_rt.intersection.kernels.search.trims import (
     decide,
     may_be_kept,
     meets_pole,
-    quick_side,
+    sure_side,
 )
 from meshing.kernels.jit import inner
 from meshing.kernels.trims import INSIDE, OUTSIDE
@@ -60,9 +60,10 @@ def turn_of(trim, k, ray, t):
 
 
 @inner
-def is_inside_loops(i, s, t, trim, segment, ray, rays, best):
+def is_inside_loops(i, s, t, slope, trim, segment, ray, rays, best):
     """Tell whether a root on a trimmed surface is a hit; note a doubt if the band decides it is none.
 
+    ``slope`` is |n.d| there.
     Returns ``is_kept``.
     ``edge``: what the gap of an edge adds to the bound of t, as the caller counts it.
     """
@@ -70,15 +71,15 @@ def is_inside_loops(i, s, t, trim, segment, ray, rays, best):
         return True, 0.0
     k = segment.row
     turn = turn_of(trim, k, ray, t)
-    side = quick_side(trim, k, turn, s)
+    _, r, zs, rs, _, _ = profile(segment.control, segment.start, segment.degree, s)
+    along, square = TURN * max(r, 0.0), max(zs * zs + rs * rs, 1e-300)
+    room = (slope * along / ray[LENGTH]) ** 2
+    side = sure_side(trim, k, turn, s, 1.0, along * along / square, ray[BAND], room)
     if side == OUTSIDE:
         return False, 0.0
     if side == INSIDE:
         return True, 0.0
-    _, r, zs, rs, _, _ = profile(segment.control, segment.start, segment.degree, s)
-    is_hit, is_within, edge = side_by_curves(
-        trim, k, segment.end, turn, s, TURN * max(r, 0.0), zs, rs, ray, t
-    )
+    is_hit, is_within, edge = side_by_curves(trim, k, segment.end, turn, s, along, zs, rs, ray, t)
     if is_within and not is_hit:
         keep_doubt(i, t, ray, rays, best)
     return is_hit, edge * ray[TO_WORLD] / ray[LENGTH]

@@ -251,7 +251,7 @@ def offer_meeting(i, s, t, slope, gain, noise, error, segment, ray, after, rays,
         t = near
     t_world = (t + shift) * to_world
     is_ahead = t_world + t_bound > t_min[i]
-    if not is_ahead or is_passed(i, t_world, t_bound, slope, known):
+    if not is_ahead or is_passed(i, t_world, t_bound, slope, segment.object_id, known):
         return True, False
     beyond = 0.0
     if is_at_end and end[k, END_KIND] == BEND:
@@ -263,7 +263,7 @@ def offer_meeting(i, s, t, slope, gain, noise, error, segment, ray, after, rays,
         beyond = min(beyond, 4.0 * segment.size / ray[LENGTH]) * to_world
     if ray[IN_PART] != 0.0 and not is_in_part(i, t, slope, ray, rays, best):
         return True, False
-    is_kept, edge = is_inside_loops(i, s, t, segment.trim, segment, ray, rays, best)
+    is_kept, edge = is_inside_loops(i, s, t, slope, segment.trim, segment, ray, rays, best)
     if not is_kept:
         return True, False
     t_bound += edge

@@ -195,10 +195,12 @@ def halve_piece(i, segment, a, b, begins, ray, after, t_lo, t_cut, rays, best, w
                 slope *= length
                 if (
                     t_world + t_bound > t_min[i]
-                    and not is_passed(i, t_world, t_bound, slope, known)
+                    and not is_passed(i, t_world, t_bound, slope, object_id, known)
                     and (ray[IN_PART] == 0.0 or is_in_part(i, near, slope, ray, rays, best))
                 ):
-                    is_kept, edge = is_inside_loops(i, s, near, trim, segment, ray, rays, best)
+                    is_kept, edge = is_inside_loops(
+                        i, s, near, slope, trim, segment, ray, rays, best
+                    )
                     if not is_kept:
                         if may_be_kept_near(trim, segment, ray, near, s, 0.5 * (b - a)):
                             note_doubt(i, near, ray, rays, best)

@@ -55,8 +55,8 @@ def side_about_axis(trim, k, x, y, u, v, out, up, dx, dy, dz, band):
     along, square = TURN * rho, out * out + up * up
     rise = up * (ex * dx + ey * dy) - out * dz
     room = rise * rise / max(square * (dx * dx + dy * dy + dz * dz), 1e-300)
-    far_u, far_v = band * band / max(along * along, 1e-300), band * band / max(square, 1e-300)
-    side = sure_side(trim, k, u, v, far_u, far_v, room)
+    per_u, per_v = 1.0 / max(along * along, 1e-300), 1.0 / max(square, 1e-300)
+    side = sure_side(trim, k, u, v, per_u, per_v, band, room)
     if side != CROSSED:
         return side == INSIDE, False, 0.0
     is_hit, is_within, edge = decide(

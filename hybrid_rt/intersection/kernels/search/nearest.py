@@ -25,7 +25,8 @@ class Rays(NamedTuple):
     direction: Any  # (n, 3) float64
     t_min: Any  # (n,) float64; a hit needs t > t_min
     # (n, 6) float64, or (0, 6) for none: t and radius of departure, of target; the object that the
-    # ray does not see; scratch of `note_departure`, nan to begin with. See `is_known`, `is_passed`
+    # ray does not see; scratch of `note_departure`, nan to begin with. See `is_known`; `is_passed` has
+    # another use for the target
     known: Any
 
 
@@ -51,7 +52,8 @@ ONE_PLANE = 2.0**-42
 
 # What `Nearest.tangent` holds: no; yes; or to be found out by moving the ray (`intersection.margins`).
 CLEAR, WITHIN_BAND, SUSPECT = 0, 1, 2
-# In place of the target's radius: the ray goes on behind one of its own roots, see `is_passed`.
+# In place of the target's radius: the ray goes on behind one of its own roots, see `is_passed`; in place of
+# its t is the object of that root.
 PASSED = -2.0
 # In place of t = 0 of a surface that was moved.
 JUST_BEHIND = -1e-300
@@ -111,14 +113,16 @@ def note_departure(i, nx, ny, nz, t_min, known, best):
 
 
 @inlined
-def is_passed(i, t, t_bound, n_dot_d, known):
+def is_passed(i, t, t_bound, n_dot_d, object_id, known):
     """Tell whether a root is a point that the caller has named, or the one that the ray goes on behind.
 
     The latter is a root of the same ray: `PASSED` stands in place of the target's radius, and the radius
     is 0, or what moves the ray. A root whose bound allows it the same t may be another one, where the ray
-    grazes. So it is offered; the caller tells them apart.
+    grazes. So it is offered; the caller tells them apart. At the very same t the objects have their turns.
     """
     if known.shape[0] > 0 and known[i, 3] == PASSED:
+        if t == known[i, 0] and object_id > known[i, 2]:
+            return False
         return abs(t - known[i, 0]) * n_dot_d <= known[i, 1]
     return is_known(i, t, t_bound, n_dot_d, known)
 
@@ -129,7 +133,7 @@ def is_left_behind(i, t, reach, t_min, known):
 
     Spares finding the bound of a root at each departure.
     """
-    return not t > t_min[i] and (t + reach <= t_min[i] or is_passed(i, t, reach, 1.0, known))
+    return not t > t_min[i] and (t + reach <= t_min[i] or is_passed(i, t, reach, 1.0, 0, known))
 
 
 @inlined
@@ -167,7 +171,7 @@ def offer(i, t, t_bound, n_dot_d, tangent, object_id, primitive, a, b, t_min, kn
                     return False
                 if best.a[i] < a or best.b[i] < b:
                     return False
-    if is_passed(i, t, t_bound, n_dot_d, known):
+    if is_passed(i, t, t_bound, n_dot_d, object_id, known):
         return False
     if is_unseen(i, object_id, known):
         return False
