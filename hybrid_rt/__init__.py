@@ -56,6 +56,7 @@ _HOMES = {
     "Torus": "primitives.torus",
     "TriangleMesh": "primitives",
     "closest_point": "distance",
+    "part_report": "part.report",
     "progress_bar": "rendering.progress_bar",
     "read_cad": "cad.model",
     "reflect": "shading.snell",

@@ -110,6 +110,8 @@ class Curve2:
 
     def cuts(self) -> list[float]:
         """Return the parameters between which both coordinates are monotone, 0 and 1 included."""
+        if self.degree == 1:
+            return [0.0, 1.0]
         found = {0.0, 1.0}
         for axis in range(2):
             found |= _turns(_slopes(self.control[:, axis], self.weights))

@@ -47,18 +47,19 @@ def page(study: Study) -> str:
         asked=escape(study.asked),
         answer=escape(study.answer),
         command=f"<pre>{words}</pre>" if study.command else "",
-        details=_items(study.details),
+        details=as_items(study.details),
         measured="".join(map(_row, study.measured)),
-        findings=f"<h2>What else was found</h2><ul>{_items(study.findings)}</ul>"
+        findings=f"<h2>What else was found</h2><ul>{as_items(study.findings)}</ul>"
         if study.findings
         else "",
         diagrams="\n".join(map(_diagram, study.diagrams)),
-        tables="\n".join(map(_table, study.tables)),
+        tables="\n".join(map(as_table, study.tables)),
         pictures=_pictures(study.images) if study.images else "",
     )
 
 
-def _items(sentences: Sequence[str]) -> str:
+def as_items(sentences: Sequence[str]) -> str:
+    """Return the items of an HTML list."""
     return "".join(f"<li>{escape(text)}</li>" for text in sentences)
 
 
@@ -66,7 +67,8 @@ def _row(cells: Sequence[str], tag: str = "td") -> str:
     return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
 
 
-def _table(table: Table) -> str:
+def as_table(table: Table) -> str:
+    """Return an HTML table with its title, and the words below it."""
     rows = _row(table.head, "th") + "".join(map(_row, table.rows))
     words = "".join(f'<p class="words">{escape(text)}</p>' for text in table.words)
     return f'<h2>{escape(table.title)}</h2><div class="scroll"><table>{rows}</table></div>{words}'
@@ -78,7 +80,7 @@ def _pictures(images: Mapping[str, Image]) -> str:
         "<h2>Pictures, and where they are off</h2>",
         "<p>Left the picture after its most passes, right the relative error of every pixel:</p>",
         _colour_scale(),
-        f'<div class="pair">{_figure(_png(screen_pixels(reference)), "reference")}</div>',
+        f'<div class="pair">{as_figure(as_png(screen_pixels(reference)), "reference")}</div>',
     ]
     for name, image in images.items():
         if name == "reference":
@@ -89,8 +91,8 @@ def _pictures(images: Mapping[str, Image]) -> str:
             f"the worst 0.1 % of the pixels; mean off by {signed_percent(errors.relative_mean_error)}"
         )
         both = (
-            _figure(_png(screen_pixels(image)), name),
-            _figure(_png(error_map(image, reference)), caption),
+            as_figure(as_png(screen_pixels(image)), name),
+            as_figure(as_png(error_map(image, reference)), caption),
         )
         parts.append(f'<div class="pair">{"".join(both)}</div>')
     return "\n".join(parts)
@@ -106,7 +108,8 @@ def _colour_scale() -> str:
     )
 
 
-def _figure(uri: str, caption: str) -> str:
+def as_figure(uri: str, caption: str) -> str:
+    """Return an HTML figure."""
     text = escape(caption)
     return f'<figure><img src="{uri}" alt="{text}"><figcaption>{text}</figcaption></figure>'
 
@@ -123,7 +126,8 @@ def _diagram(diagram: Diagram) -> str:
     )
 
 
-def _png(pixels: Pixels) -> str:
+def as_png(pixels: Pixels) -> str:
+    """Return the URI of pixels as a PNG file."""
     import imageio.v3 as imageio
 
     buffer = io.BytesIO()

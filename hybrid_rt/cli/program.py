@@ -39,6 +39,7 @@ examples:
   hybrid-rt study scenes/vase.py --out study       error against time of every method
   hybrid-rt accuracy scenes/vase.py --out mesh     how fine a mesh must be to find the same hits
   hybrid-rt cad part.step                          what a CAD file holds, and what of it is exact
+  hybrid-rt part part.step --out part.html         thickness, volume, holes, each with how sure it is
   hybrid-rt render part.step                       a picture of it
   hybrid-rt rays part.step rays.npy --out hits.npz    first hits of the rays of a file
   hybrid-rt deviation part.step scan.ply --out colored.ply    how far measured points are from it
@@ -193,6 +194,7 @@ def _parser(complete: bool = False) -> argparse.ArgumentParser:
     _add_tool(commands, "study", "draw error against run time, of all methods")
     _add_tool(commands, "accuracy", "tell how fine a mesh must be")
     _add_tool(commands, "cad", "tell what a CAD file holds, and what of it is exact")
+    _add_tool(commands, "part", "report on a CAD part: thickness, volume, draft, with proof")
     _add_tool(commands, "rays", "trace the rays of a file, and write their hits")
     _add_tool(commands, "deviation", "tell how far measured points are from a model")
     parser.commands = commands.choices
