@@ -514,8 +514,8 @@ class TestLimit:
 
 
 def test_memory_is_that_of_pixels_and_of_two_sets_of_photons_together(monkeypatch):
-    """Of 96 pixels and 1000 photons: 190 bytes each and 80 each; one pass alone has one set."""
-    monkeypatch.setattr(memory, "available_bytes", lambda: 190 * 96 + 2 * 80 * 1000 - 1)
+    """Of 96 pixels and 1000 photons: 340 bytes each and 200 each; one pass alone has one set."""
+    monkeypatch.setattr(memory, "available_bytes", lambda: 340 * 96 + 2 * 200 * 1000 - 1)
     lit = scene(Lambertian(0.5), environment=None)
     with pytest.raises(
         MemoryError, match=r"12 x 8 pixels by passes of 1000 photons .* fewer photon"
