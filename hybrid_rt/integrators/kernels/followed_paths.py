@@ -1,6 +1,6 @@
 """The loop that drives camera paths: from a hit to the next, until nothing is left of a path.
 
-The first hits of a batch are found together, unless all surfaces are closed forms. From there each path is
+The first hits of a batch are found together, unless no kind of surface is called (see `SingleRayTracer`). From there each path is
 followed to its end, ray by ray, before the next begins. Where rays cannot be traced one by one, all paths of a
 batch are advanced by one vertex, and what they send is traced together.
 """

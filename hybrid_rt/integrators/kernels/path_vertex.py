@@ -88,7 +88,7 @@ class World(NamedTuple):
     is_smooth: Any  # (objects,) bool, interpolated shading normals; (0,) without light paths
     light_vertices: Any  # LightVertices
     candidates: Any  # (groups, CANDIDATE_COLUMNS, CANDIDATES) float64, see `choose_far`
-    first_of_pass: Any  # (passes + 1,) int64, rows of `lit`
+    first_of_pass: Any  # (passes + 1,) int64, rows of `light_vertices`
     first_group: Any  # (passes + 1,) int64, rows of `candidates`
     balls: Any  # Balls
     boxes: Any  # Boxes

@@ -66,8 +66,7 @@ from hybrid_rt.shading.kernels.scatter import (
 FEWEST_AT_ONCE = 2**14
 # Of the points of a block without photons, so many are searched for photons shown to the camera.
 MOST_ASKED = 1024
-# What the low-discrepancy points of one step are for.
-# That of the first segment across a disc.
+# The low-discrepancy point of the first segment across a disc, and what those of one step are for.
 COVERAGE_DIMENSION = np.uint64(2**45)
 TO_LIGHT, TO_LIGHT_NARROW, DIRECTION, CHOICE, TO_PHOTON, PER_STEP = 0, 1, 2, 3, 4, 5
 
