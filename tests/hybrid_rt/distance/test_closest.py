@@ -203,6 +203,79 @@ def test_no_sample_is_nearer(name):
     np.testing.assert_allclose(np.abs(along[inner]), found.distance[inner], rtol=1e-9)
 
 
+def holes():
+    """Return the centres and radii, from 1/16 to 2^-16, of holes in the unit square, and its loops."""
+    radii = 2.0 ** -np.arange(4, 17)
+    centres = [((k % 4 + 0.5) / 4, (k // 4 + 0.5) / 4) for k in range(len(radii))]
+    rims = [circle(c, r) for c, r in zip(centres, radii.tolist(), strict=True)]
+    return np.array(centres), radii, [polygon([(0, 0), (1, 0), (1, 1), (0, 1)]), *rims]
+
+
+def is_on(surface, found):
+    """Tell which points are inside the loops, or within rounding of a curve."""
+    inside, in_band = surface.contains(found.u, found.v)
+    for du, dv in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        inside |= surface.contains(found.u + 1e-14 * du, found.v + 1e-14 * dv)[0]
+    return inside | in_band
+
+
+GRID = np.arange(-8, 9) / 8
+
+
+@pytest.mark.parametrize("is_round", [True, False])
+def test_no_point_is_inside_a_hole(is_round):
+    """Above the rows and columns through vertices of the hole, and through its centre, as anywhere else.
+
+    There corners of the boxes of curves are at the foot, though no curve is.
+    """
+    centres, radii, loops = holes()
+    if not is_round:
+        corners = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
+        loops[1:] = [polygon(c + r * corners) for c, r in zip(centres, radii, strict=True)]
+    plate = TrimmedSurface(Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0)), loops)
+    x, y = (a.ravel() for a in np.meshgrid(GRID, GRID))
+    into = 1 - np.hypot(x, y) if is_round else (1 - np.abs(x) - np.abs(y)) / np.sqrt(2)
+    search = ClosestPoint(plate)
+    for centre, r in zip(centres, radii.tolist(), strict=True):
+        for height in (0.25 * r, 2 * r):
+            points = np.column_stack(
+                [centre[0] + r * x, centre[1] + r * y, np.full(len(x), height)]
+            )
+            found = search.query(points)
+            truth = np.hypot(r * np.maximum(into, 0), height)
+            # The curves are off by the rounding of (u, v).
+            assert (np.abs(found.distance - truth) <= found.bound + 4e-16).all()
+            assert is_on(plate, found).all()
+            assert (found.on_edge == (into > 0))[np.abs(into) > 1e-9].all()
+
+
+@pytest.mark.parametrize("name", ["cylinder", "torus", "sphere", "patch"])
+def test_no_point_is_inside_a_hole_of_a_curved_surface(name):
+    """The rims, at 2000 points each, are the nearest: what is nearer by more than their steps is inside a hole."""
+    centres, radii, loops = holes()
+    base = {
+        "cylinder": Cylinder((0, 0, -1), (0, 0, 1), 0.75, 2),
+        "torus": Torus((0, 0, 0), (0, 0, 1), 1, 0.25),
+        "sphere": Sphere((0, 0, 0), 1),
+        "patch": BezierPatches([WAVY]),
+    }[name]
+    plate = TrimmedSurface(base, loops)
+    search = ClosestPoint(plate)
+    turn = 2 * np.pi * np.arange(2000) / 2000
+    x, y = (a.ravel() for a in np.meshgrid(GRID[4:-4], GRID[4:-4]))
+    for centre, r in zip(centres, radii, strict=True):
+        u, v = centre[0] + r * x, centre[1] + r * y
+        points = base.point(u, v) + 0.1 * r * base.normal(u, v)
+        found = search.query(points)
+        rim = base.point(centre[0] + r * np.cos(turn), centre[1] + r * np.sin(turn))
+        truth = np.linalg.norm(points[:, None] - rim, axis=-1).min(axis=1)
+        # A step of the rim of less than s, at distance d, is nearer by less than s^2 / 4 d at its middle.
+        step = np.linalg.norm(np.diff(rim, axis=0), axis=1).max()
+        assert (np.abs(found.distance - truth) <= found.bound + step**2 / truth).all()
+        assert found.on_edge.all()
+        assert is_on(plate, found).all()
+
+
 def test_a_paraboloid_is_that_of_its_cubic():
     """Of z = r^2 / 2 the foot has r^3 / 2 + r (1 - z) = rho, of which there is one inside the centre's curve."""
     points = POINTS * (0.3, 0.3, 0.2)
