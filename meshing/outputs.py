@@ -9,7 +9,7 @@ import errno
 import os
 import secrets
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
@@ -33,6 +33,19 @@ def check_writable(file: Path) -> None:
         # A trial tells more than permissions do: full disks, say. An empty file fits on a full disk.
         with _new(file, old) as trial:
             trial.write(bytes(TRIAL_SIZE))
+
+
+def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
+    """Check that all outputs can be written, see `check_writable`, and that none replaces an input or another."""
+    taken = [file.resolve() for file in inputs]
+    for file in outputs:
+        if file.resolve() in taken:
+            what = "read" if file.resolve() in taken[: len(inputs)] else "written"
+            raise ValueError(
+                f"output {str(file)!r} is a file that is {what}, too: name another file"
+            )
+        taken.append(file.resolve())
+        check_writable(file)
 
 
 @contextmanager

@@ -26,7 +26,9 @@ ALLOWED = 1e-5
 
 def main() -> int:
     """Print a row for each closed part."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("folder", type=Path)
     parser.add_argument("--seconds", type=float, default=60.0, help="for each search")
     parser.add_argument("--samples", type=int, default=200_000)

@@ -17,7 +17,7 @@ from hybrid_rt.cli.options import add_progress_options
 from hybrid_rt.cli.rays import surfaces_of
 from hybrid_rt.cli.render import shown_progress
 from meshing.checks import FloatArray
-from meshing.outputs import check_writable, replacing
+from meshing.outputs import check_outputs, replacing
 
 if TYPE_CHECKING:
     from hybrid_rt.cad.model import CadModel
@@ -27,8 +27,8 @@ DESCRIPTION = """\
 Tell how far measured points are from a CAD file, a mesh or Bezier patches: the signed distance to the nearest
 point of the model, positive outside, with a proven bound.
 
-SCAN is a .ply, a .npy of (n, 3), or text with x, y and z in each line, in the unit of the model. It is read,
-measured and written in pieces.
+SCAN is a .ply, a .npy of (n, 3), or text with x, y and z in each line, in the unit of the model; a first line
+may name the columns. It is read, measured and written in pieces.
 """
 EXAMPLES = """\
 examples:
@@ -50,7 +50,9 @@ PLY_NAMES = {"f8": "double", "u1": "uchar", "i4": "int"}
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what ``hybrid-rt deviation`` takes."""
     parser.add_argument("file", type=Path, metavar="MODEL", help="CAD file, mesh, or .bpt")
-    parser.add_argument("scan", type=Path, metavar="SCAN", help=".ply, .npy, .csv, .xyz or .txt")
+    parser.add_argument(
+        "scan", type=Path, metavar="SCAN", help=".ply, .npy, .csv, .xyz, .txt, .asc or .pts"
+    )
     words = ", ".join(f"{ending}: {what}" for ending, what in ENDINGS.items())
     parser.add_argument("--out", type=Path, action="append", default=[], metavar="FILE", help=words)
     parser.add_argument(
@@ -76,7 +78,7 @@ def run(options: argparse.Namespace) -> None:
             raise ValueError(
                 f"output {str(out)!r} ends in {out.suffix!r}: pass .ply, .csv or .json"
             )
-        check_writable(out)
+    check_outputs(options.out, [options.file, options.scan])
     limit = options.limit
     if limit is not None:
         number(limit, "--limit", above=0.0, hint="in the unit of the model")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hybrid_rt.cli.cad import add_reading, read
 from hybrid_rt.cli.command import one_or_more, say
-from meshing.outputs import check_writable, replacing
+from meshing.outputs import check_outputs, replacing
 
 DESCRIPTION = """\
 Report on the closed parts of a CAD file: volume, box, least wall thickness (along normals, and of balls inside),
@@ -55,12 +55,15 @@ def run(options: argparse.Namespace) -> None:
     from hybrid_rt.part.pictures import write_map
     from hybrid_rt.part.report import part_report
 
-    for out in [*options.out, *([options.map] if options.map else [])]:
-        if out is not options.map and out.suffix.lower() not in ENDINGS:
+    for out in options.out:
+        if out.suffix.lower() not in ENDINGS:
             raise ValueError(
                 f"output {str(out)!r} ends in {out.suffix!r}: pass .html, .json or .csv"
             )
-        check_writable(out)
+    maps = [options.map] if options.map else []
+    if maps and options.map.suffix.lower() != ".ply":
+        raise ValueError(f"--map {str(options.map)!r} ends in {options.map.suffix!r}: pass .ply")
+    check_outputs([*options.out, *maps], [options.file])
     model = read(options, options.file)
     report = part_report(
         model, pull=options.pull, angle=options.angle, seconds=options.seconds,

@@ -37,6 +37,7 @@ from hybrid_rt.distance.sheets import Frame, Owner, Sheets, add_edges, add_sheet
 from hybrid_rt.distance.sides import Sides, is_closed
 from hybrid_rt.intersection.kernels.search.tree import CHILD, COUNT, ROWS, WIDTH, build_tree
 from hybrid_rt.intersection.kinds.registry import check_surfaces
+from hybrid_rt.intersection.ray_batch import LARGEST
 from hybrid_rt.primitives import Plane
 from hybrid_rt.primitives.instances import Instances
 from meshing.checks import as_floats, shown
@@ -195,6 +196,10 @@ class ClosestPoint:
         array = np.ascontiguousarray(array.reshape(-1, 3))
         for i in np.flatnonzero(~np.isfinite(array).all(axis=1))[:1]:
             raise ValueError(f"points[{i}] is {shown(array[i].tolist())}: pass finite numbers")
+        for i in np.flatnonzero((np.abs(array) > LARGEST).any(axis=1))[:1]:
+            raise ValueError(
+                f"points[{i}] is {shown(array[i].tolist())}: pass numbers up to {LARGEST:g}"
+            )
         return self._record(array, self._found(array))
 
     def _found(self, points: FloatArray) -> Answers:

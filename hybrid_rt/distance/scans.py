@@ -28,9 +28,9 @@ class Scan:
     Parameters
     ----------
     path : str or path
-        ``.ply``: the vertices. ``.npy``: (n, 3) or more columns. ``.csv``, ``.txt``, ``.xyz``: x, y and z
-        begin each line, apart by commas, semicolons or blanks; a first line of words is left out. What follows the
-        coordinates, as normals do, is not read.
+        ``.ply``: the vertices. ``.npy``: (n, 3) or more columns. ``.csv``, ``.txt``, ``.xyz``, ``.asc``, ``.pts``:
+        x, y and z begin each line, apart by commas, semicolons or blanks; or a first line names the columns, x, y and
+        z among them. Other columns, as normals, are not read.
 
     Attributes
     ----------
@@ -42,6 +42,8 @@ class Scan:
     def __init__(self, path: str | Path) -> None:
         self.path = as_path(path, "scan")
         name, suffix = f"scan {str(self.path)!r}", self.path.suffix.lower()
+        if self.path.is_dir():
+            raise IsADirectoryError(f"{name} is a folder: pass a file of points")
         if not self.path.is_file():
             raise FileNotFoundError(f"{name}: there is no such file")
         self._rows: NDArray[Any] | None = None
@@ -53,7 +55,7 @@ class Scan:
         elif suffix == ".ply":
             self._read_ply(name)
         elif suffix in TEXTS:
-            self._read_lines()
+            self._read_lines(name)
         else:
             raise ValueError(f"{name} ends in {suffix!r}: pass .ply, .npy or {', '.join(TEXTS)}")
         if self.n == 0:
@@ -98,20 +100,40 @@ class Scan:
             np.memmap(self.path, kind, "r", begin, (self.n,)) if self.n else np.empty(0, kind)
         )
 
-    def _read_lines(self) -> None:
+    def _read_lines(self, name: str) -> None:
         with self.path.open(encoding="utf-8", errors="replace") as file:
             first = next(file, "")
             self._separator = next((s for s in (",", ";") if s in first), None)
-            try:
-                [float(word) for word in first.split(self._separator)[:3]]
-            except ValueError:
+            words = [word.strip(" \t\r\n\"'#").lower() for word in first.split(self._separator)]
+            words = [word for word in words if word]
+            if not any(map(_is_number, words)):
                 self._skipped = 1
+                if {"x", "y", "z"} <= set(words):
+                    self._columns = [words.index(c) for c in ("x", "y", "z")]
+                elif len(words) > 1 and words != ["x", "y", "z"]:
+                    raise ValueError(
+                        f"{name} begins with {first.strip()[:60]!r}: name the columns x, y and z, or leave that line out"
+                    )
+            elif len(words) < 3 or not all(map(_is_number, words[:3])):
+                raise ValueError(
+                    f"{name} begins with {first.strip()[:60]!r}: pass x, y and z in each line, with decimal points"
+                )
             self.n = sum(1 for line in file if line.strip()) + (1 - self._skipped) * bool(
                 first.strip()
             )
 
     def pieces(self, size: int = PIECE) -> Iterator[FloatArray]:
-        """Yield the points in order, (k, 3) float64 with k up to ``size``."""
+        """Yield the points in order, (k, 3) float64 with k up to ``size``; refuse those that are not finite."""
+        begin = 0
+        for piece in self._pieces(size):
+            for k in np.flatnonzero(~np.isfinite(piece).all(axis=1))[:1].tolist():
+                raise ValueError(
+                    f"scan {str(self.path)!r}, point {begin + k} (from 0) is {piece[k].tolist()}: leave such points out"
+                )
+            begin += len(piece)
+            yield piece
+
+    def _pieces(self, size: int) -> Iterator[FloatArray]:
         if self._rows is not None:
             for begin in range(0, self.n, size):
                 rows = self._rows[begin : begin + size]
@@ -140,6 +162,14 @@ class Scan:
             found.append(piece[(-first) % step :: step])
             first += len(piece)
         return np.concatenate(found)
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def _array_of(path: Path, name: str) -> NDArray[Any]:

@@ -141,12 +141,40 @@ def test_scans_of_all_kinds_are_read_in_pieces(tmp_path):
         ("d.npy", b"no", "is no .npy file"),
         ("e.csv", b"x,y,z\n", "holds no points"),
         ("f.las", b"", "ends in '.las'"),
+        ("g.csv", b"id;height\n1;2\n", "name the columns x, y and z"),
+        ("h.xyz", b"17.5 0 bad\n17.5 0 1.5\n", "pass x, y and z in each line"),
+        ("i.txt", b"1,5 2,5 3,5\n", "decimal points"),
     ],
 )  # fmt: skip
 def test_scans_that_are_refused(tmp_path, name, content, message):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(ValueError, match=message):
         Scan(tmp_path / name)
+
+
+def test_columns_are_those_that_the_first_line_names(tmp_path):
+    file = tmp_path / "a.csv"
+    file.write_text("id,z,y,x\n7,3,2,1\n8,6,5,4\n")
+    (points,) = Scan(file).pieces()
+    assert points.tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+def test_a_point_that_is_not_finite_is_named_by_its_row(tmp_path):
+    points = np.zeros((25, 3))
+    points[17, 1] = np.nan
+    np.save(tmp_path / "a.npy", points)
+    with pytest.raises(ValueError, match=r"point 17 \(from 0\) is \[0.0, nan, 0.0\]: leave"):
+        list(Scan(tmp_path / "a.npy").pieces(10))
+
+
+def test_no_output_replaces_an_input_or_another(tmp_path, capsys):
+    (tmp_path / "scan.csv").write_text("0,0,0\n")
+    model, scan, twice = (str(tmp_path / name) for name in ("a.bpt", "scan.csv", "b.csv"))
+    assert main(["deviation", model, scan, "--out", scan]) == 2
+    assert "is a file that is read, too" in capsys.readouterr().err
+    assert (tmp_path / "scan.csv").read_text() == "0,0,0\n"
+    assert main(["deviation", model, scan, "--out", twice, "--out", twice]) == 2
+    assert "is a file that is written, too" in capsys.readouterr().err
 
 
 def test_a_line_that_is_no_point_is_named(tmp_path):

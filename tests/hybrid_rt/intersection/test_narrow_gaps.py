@@ -8,6 +8,8 @@ import pytest
 from hybrid_rt import Flag, Intersector, Rectangle
 from hybrid_rt.intersection import trims
 from meshing import Cone, TrimmedSurface, circle, polygon
+from meshing.kernels.trims import CROSSED
+from meshing.trims import make_table
 
 OUTLINE = polygon([(0.02, 0.02), (0.98, 0.02), (0.98, 0.98), (0.02, 0.98)])
 HOLE = circle((0.4, 0.5), (0.2, 0.1))
@@ -32,8 +34,13 @@ def test_hits_have_the_same_bits(monkeypatch, name, gap):
     ways[: n // 4] += 20 * whole.partials(u[: n // 4], v[: n // 4])[0]  # flat ones
     origins = whole.point(u, v) - 3 * ways
     hits = Intersector(surface, coarse="none").intersect(origins, ways)
+
     # So that every root is asked for at the curves.
-    monkeypatch.setattr(trims, "NARROW", -1.0)
+    def undecided(surfaces):
+        table = make_table(surfaces)
+        return table._replace(tile=np.full_like(table.tile, CROSSED))
+
+    monkeypatch.setattr(trims, "make_table", undecided)
     others = Intersector(surface, coarse="none").intersect(origins, ways)
     for field in fields(hits):
         np.testing.assert_array_equal(getattr(hits, field.name), getattr(others, field.name))
