@@ -128,7 +128,8 @@ class CadModel:
         their faces), ``refused`` (face, kind, reason), ``wires`` and ``points`` outside faces, which are
         ignored.
     bounds : (2, 3) float64
-        Lower and upper corner of a box about what is inside the loops, nearly.
+        Lower and upper corner of a box about what is inside the loops, from samples: it may be too small by a
+        thousandth of its size. A part report has the proven box.
     """
 
     surfaces: list[Surface]
