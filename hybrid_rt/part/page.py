@@ -93,7 +93,10 @@ def answers(part: PartReport, unit: str) -> Table:
         f", in {part.places} places" if part.places > 1 else ""
     )
     return Table(
-        f"{title} ({unit})", ["", "value", "error", "how sure", "where, or how"], rows, words
+        f"{title} ({unit})",
+        ["", "value", "error, or bound", "how sure", "where, or how"],
+        rows,
+        words,
     )
 
 
@@ -178,8 +181,10 @@ def _part(part: PartReport, walls: Walls, report: Report) -> list[str]:
     made += [
         '<div class="pair">',
         as_figure(as_png(plain), "the part; rings mark the thinnest places, through what lies before them"),
-        as_figure(as_png(colored), f"thickness along normals at every pixel, {low:.4g} to {high:.4g}; grey: no opposite wall"),
-        f'</div><div class="scale" style="background: linear-gradient(to right, {stops})"></div>',
+        "<div>",
+        as_figure(as_png(colored), "thickness along normals at every pixel; grey: no opposite wall"),
+        f'<div class="scale" style="background: linear-gradient(to right, {stops})">',
+        f"<span>{low:.4g}</span><span>{high:.4g}</span></div></div></div>",
     ]  # fmt: skip
     return made + [as_table(table) for table in tables_of(part)]
 
