@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields
 from itertools import combinations
 from typing import Any
 
@@ -138,9 +138,7 @@ class Report:
 
     def to_json(self) -> str:
         """Return all of it as JSON."""
-        return as_json(
-            _plain({f.name: getattr(self, f.name) for f in fields(self) if f.name != "walls"})
-        )
+        return as_json({f.name: getattr(self, f.name) for f in fields(self) if f.name != "walls"})
 
     def to_csv(self) -> str:
         """Return a table of all faces."""
@@ -331,21 +329,3 @@ def _clearances(bodies: dict[int, Any], seconds: float, threads: int | None) -> 
                 Clearance((a, b), least_clearance(one, other, FINE * max(sizes), seconds, threads))
             )
     return found
-
-
-def _plain(value: Any) -> Any:
-    """Return a value with lists and dicts in place of arrays and records, None where a number is not finite."""
-    if is_dataclass(value):
-        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
-    if isinstance(value, Draft | Box):
-        return _plain(value._asdict())
-    if isinstance(value, dict):
-        names = (",".join(map(str, k)) if isinstance(k, tuple) else str(k) for k in value)
-        return dict(zip(names, map(_plain, value.values()), strict=True))
-    if isinstance(value, list | tuple):
-        return [_plain(x) for x in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, float):
-        return value if np.isfinite(value) else None
-    return value
