@@ -31,7 +31,7 @@ def least_clearance(
         for body in (one, other)
     ]
     cells = Cells(bodies)
-    roots = [r[r >= 0] for r in (cells.roots(0), cells.roots(1))]
+    roots = [cells.roots(0), cells.roots(1)]
     found = Found()
 
     def values(a: Ints, b: Ints, kind: Ints) -> tuple[FloatArray, FloatArray, Ints]:

@@ -288,13 +288,11 @@ def _face_rows(
     """Return a row for each face of the file."""
     some = walls.samples
     p, n, own = walls.cells.middle[some], walls.cells.frame[some][:, :3], walls.cells.ints[some, 1]
-    exits = walls.exits(p, n)
-    t = np.where(walls.opposite(n, exits, walls.angle), exits.t, np.nan)
-    ball = walls.balls_at(p, n, own)[0]
+    t, ball = walls.thickness(p, n), walls.balls_at(p, n, own)[0]
     undercut = np.full(len(p), np.nan)
     drafts: list[Draft] = []
     if pull is not None:
-        drafts = drafts_of(walls.cells, walls.solid, pull, TURNED_BY)
+        drafts = drafts_of(walls.cells, walls.roots, walls.solid, pull, TURNED_BY)
         undercut = walls.are_undercut(p, n, pull).astype(np.float64)
     rows = []
     of_row = np.array(faces)[own]
@@ -305,12 +303,15 @@ def _face_rows(
             low = np.array([drafts[i] for i, f in enumerate(faces) if f == face])
             least, most = low.min(axis=0), low.max(axis=0)
             draft = Draft(*np.rad2deg([least[0], most[1], least[2], most[3]]).tolist())
-        balls = ball[mine & np.isfinite(ball)]
-        rows.append(FaceRow(
-            face, str(model.faces["kind"][face]), float(np.nanmin(np.append(t[mine], np.nan))) if np.isfinite(t[mine]).any() else np.nan,
-            float(balls.min()) if len(balls) else np.nan, draft, float(undercut[mine].mean()) if mine.any() else np.nan,
-        ))  # fmt: skip
+        part = float(undercut[mine].mean()) if mine.any() else np.nan
+        kind = str(model.faces["kind"][face])
+        rows.append(FaceRow(face, kind, _least(t[mine]), _least(ball[mine]), draft, part))
     return rows
+
+
+def _least(values: FloatArray) -> float:
+    """Return the least finite one; nan if there is none."""
+    return float(values[np.isfinite(values)].min()) if np.isfinite(values).any() else np.nan
 
 
 def _clearances(bodies: dict[int, Any], seconds: float, threads: int | None) -> list[Clearance]:

@@ -89,7 +89,6 @@ class Walls:
         self.size = self.solid.size
         self.cells = Cells([self.solid])
         self.roots = self.cells.roots(0)
-        self.roots = self.roots[self.roots >= 0]
 
     @cached_property
     def joints(self) -> list[Joint]:
@@ -164,6 +163,11 @@ class Walls:
         """Tell where a ray leaves through a wall that is opposite within an angle."""
         cosine = -(normals * np.nan_to_num(exits.normal)).sum(axis=1)
         return np.isfinite(exits.t) & (cosine >= np.cos(angle))
+
+    def thickness(self, points: FloatArray, normals: FloatArray) -> FloatArray:
+        """Return the thickness along normals at points of the surface; nan where the wall is not opposite."""
+        exits = self.exits(points, normals)
+        return np.where(self.opposite(normals, exits, self.angle), exits.t, np.nan)
 
     # --- real chords
 
