@@ -24,6 +24,7 @@ from hybrid_rt.part.walls import Walls
 from hybrid_rt.primitives.instances import Instances
 from meshing import TrimmedSurface
 from meshing.checks import as_direction, number
+from meshing.surface import box_around
 
 # Tolerances of answers over the size: thickness and clearance, box; drafts, radians.
 FINE, BOXED, TURNED_BY = 1e-6, 1e-6, 1e-4
@@ -318,8 +319,7 @@ def _clearances(bodies: dict[int, Any], seconds: float, threads: int | None) -> 
     """Return the clearances of parts whose boxes come nearer than the smaller one's size."""
     boxes = {}
     for k, (surfaces, _) in bodies.items():
-        every = np.array([surface.bounds for surface in surfaces])
-        boxes[k] = every[:, 0].min(axis=0), every[:, 1].max(axis=0)
+        boxes[k] = box_around(np.array([surface.bounds for surface in surfaces]))
     found = []
     for a, b in combinations(bodies, 2):
         apart = np.maximum(boxes[a][0] - boxes[b][1], boxes[b][0] - boxes[a][1])
