@@ -2,11 +2,10 @@
 
 from abc import abstractmethod
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from meshing.checks import FloatArray, IdArray
-from meshing.surface import Surface
+from meshing.surface import Surface, box_around
 
 
 class ParametricSurface(Surface):
@@ -51,5 +50,4 @@ class ParametricSurface(Surface):
         The box is conservative: it exceeds the tight box by about 1/256 of what the box of the
         control points exceeds it by.
         """
-        boxes = self.patch_bounds
-        return np.stack((boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)))
+        return box_around(self.patch_bounds)

@@ -22,6 +22,11 @@ if TYPE_CHECKING:
     from meshing.certified_mesh import CertifiedMesh
 
 
+def box_around(boxes: FloatArray) -> FloatArray:
+    """Return the box (2, 3), lower and upper corner, around boxes (n, 2, 3)."""
+    return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+
+
 class Surface(ABC):
     """A surface S(u, v) of one or more patches, with its normal along S_u x S_v."""
 

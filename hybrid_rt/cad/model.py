@@ -26,7 +26,7 @@ from hybrid_rt.primitives import TriangleMesh
 from hybrid_rt.primitives.instances import Instances
 from meshing import TrimmedSurface
 from meshing.checks import FloatArray, as_path, number, text_of
-from meshing.surface import Surface
+from meshing.surface import Surface, box_around
 
 if TYPE_CHECKING:
     from hybrid_rt.distance.record import ClosestRecord
@@ -402,7 +402,7 @@ def _parts(
             corners = points[shape] @ matrix[:3, :3].T + matrix[:3, 3]
             boxes.append(np.stack([corners.min(axis=0), corners.max(axis=0)]))
     box = np.array(boxes[len(boxes) > 1 :])
-    return parts, np.stack([box[:, 0].min(axis=0), box[:, 1].max(axis=0)])
+    return parts, box_around(box)
 
 
 def _placed(

@@ -168,12 +168,8 @@ def _write_report(file: BinaryIO, result: Deviation, model: CadModel | None, lim
     }
     report["faces"] = [{**face, "kind": _kind(model, face["face"])} for face in faces]
     report["unit"] = None if model is None else model.report["unit"]
-    if (fit := result.fit) is not None:
-        report["fit"] = {
-            "matrix": fit.matrix.tolist(), "center": fit.center.tolist(),
-            "covariance": fit.covariance.tolist(), "free": fit.free, "n": fit.n,
-            "rms_before": fit.rms_before, "rms": fit.rms,
-        }  # fmt: skip
+    if result.fit is not None:
+        report["fit"] = result.fit
     file.write(as_json(report).encode())
 
 

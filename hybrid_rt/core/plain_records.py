@@ -24,12 +24,22 @@ def absent() -> Any:
 
 
 def as_plain(value: Any, *, finite: bool = False) -> Any:
-    """Return a value with dicts in place of records, and lists in place of tuples.
+    """Return a value with dicts in place of records and named tuples, lists in place of tuples and arrays.
 
-    ``finite``: with None in place of numbers that are not finite, which JSON lacks.
+    Keys that are tuples become "1,2". ``finite``: with None in place of numbers that are not finite, which
+    JSON lacks.
     """
+    if isinstance(value, tuple) and hasattr(value, "_asdict"):
+        value = value._asdict()
     if isinstance(value, Mapping):
-        return {name: as_plain(one, finite=finite) for name, one in value.items()}
+        return {
+            ",".join(map(str, name)) if isinstance(name, tuple) else name: as_plain(
+                one, finite=finite
+            )
+            for name, one in value.items()
+        }
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
     if isinstance(value, list | tuple):
         return [as_plain(one, finite=finite) for one in value]
     if isinstance(value, np.generic):

@@ -41,7 +41,7 @@ from hybrid_rt.intersection.ray_batch import LARGEST
 from hybrid_rt.primitives import Plane
 from hybrid_rt.primitives.instances import Instances
 from meshing.checks import as_floats, shown
-from meshing.surface import Surface
+from meshing.surface import Surface, box_around
 from meshing.trims import make_table
 
 # Azimuths are rounded: points within this of a border, in (u, v), are on it.
@@ -58,7 +58,7 @@ class Group:
     def __init__(self, members: list[tuple[int, Surface]], instances: Instances | None) -> None:
         boxes = np.array([surface.bounds for _, surface in members])
         self.members, self.instances = members, instances
-        self.frame = Frame.about(np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]))
+        self.frame = Frame.about(box_around(boxes))
 
 
 class ClosestPoint:
@@ -367,7 +367,6 @@ def _top_tree(boxes: FloatArray) -> tuple[Any, ...]:
     """Return a tree over the boxes of places: nodes, links, order, frame, and how many may wait."""
     if not len(boxes):
         return *_no_tree(), np.array([0.0, 0.0, 0.0, 1.0]), WIDTH
-    box = np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
-    frame = Frame.about(box)
+    frame = Frame.about(box_around(boxes))
     rows, links, order, stack = build_tree(frame.place(boxes[:, 0]), frame.place(boxes[:, 1]), 1)
     return rows, links, order, np.array([*frame.centre, frame.unit]), stack

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray
-from meshing.checks import as_path
+from meshing.checks import as_path, check_is_file
 
 PIECE = 200_000
 TEXTS = (".csv", ".txt", ".xyz", ".asc", ".pts")
@@ -42,10 +42,7 @@ class Scan:
     def __init__(self, path: str | Path) -> None:
         self.path = as_path(path, "scan")
         name, suffix = f"scan {str(self.path)!r}", self.path.suffix.lower()
-        if self.path.is_dir():
-            raise IsADirectoryError(f"{name} is a folder: pass a file of points")
-        if not self.path.is_file():
-            raise FileNotFoundError(f"{name}: there is no such file")
+        check_is_file(self.path, name)
         self._rows: NDArray[Any] | None = None
         self._skipped, self._columns = 0, [0, 1, 2]
         self._separator: str | None = None

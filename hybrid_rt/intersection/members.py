@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray
-from meshing.surface import Surface
+from meshing.surface import Surface, box_around
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.kernels.search.members import Members
@@ -109,13 +109,12 @@ def tree_over(bounds: FloatArray, begin: int, leaf_size: int = LEAF_SIZE) -> Mem
     from hybrid_rt.intersection.kernels.search.members import Members
     from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree
 
-    middle, to_frame = frame_of(bounds)
+    middle, to_frame = frame_of(*box_around(bounds))
     lower, upper = (bounds[:, 0] - middle) * to_frame, (bounds[:, 1] - middle) * to_frame
     return Members(Tree(*build_tree(lower, upper, leaf_size)), begin, middle, to_frame)
 
 
-def frame_of(bounds: FloatArray) -> tuple[FloatArray, float]:
-    """Return the middle of boxes (n, 2, 3), and the power of two that brings all of them within 1 of it."""
-    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+def frame_of(low: FloatArray, high: FloatArray) -> tuple[FloatArray, float]:
+    """Return the middle of a box (3,) (3,), and the power of two that brings all of it within 1 of it."""
     radius = np.linalg.norm(0.5 * high - 0.5 * low)
     return 0.5 * low + 0.5 * high, float(2.0 ** -np.ceil(np.log2(radius)))

@@ -25,7 +25,7 @@ from hybrid_rt.intersection.kind import (
     new_record,
 )
 from hybrid_rt.intersection.ray_batch import FARTHEST, POINT_ROUNDING, locked
-from meshing.surface import Surface
+from meshing.surface import Surface, box_around
 
 # Tables of kinds that are asked without a call, in the order of their numbers.
 ALONE: dict[str, Callable[..., Any]] = {
@@ -108,7 +108,7 @@ def new_ray() -> OneRay:
 def _box_of(surfaces: Sequence[Surface]) -> FloatArray:
     """Return what surrounds some surfaces by a distance, (2, 3)."""
     bounds = np.array([surface.bounds for surface in surfaces])
-    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+    low, high = box_around(bounds)
     away = WIDER * float(np.linalg.norm(high - low)) + 2.0 * max(s.moved for s in surfaces)
     away += POINT_ROUNDING * float(np.abs(bounds).max())
     return np.array([low - away, high + away])

@@ -136,9 +136,6 @@ class Solid:
         counts = [len(surface) for surface in surfaces]
         self.first = np.cumsum([0, *counts])
         self.patches = [p for surface in surfaces for p in _patches(surface.surface)]
-        low = np.min([s.bounds[0] for s in surfaces], axis=0)
-        high = np.max([s.bounds[1] for s in surfaces], axis=0)
-        self.box = np.stack([low, high])
         self.gap = max(surface.gap for surface in surfaces)
         table = self.patches
         self.form = np.array([p.form for p in table])
@@ -150,11 +147,16 @@ class Solid:
         self.radius = np.array([p.radius for p in table])
 
     @cached_property
+    def box(self) -> FloatArray:
+        """Corners (2, 3) of a box about points of its trim curves; without any, about its whole surfaces."""
+        points = [side.points.reshape(-1, 3) for sides in self.sides for side in sides]
+        corners = np.concatenate(points or [surface.bounds for surface in self.surfaces])
+        return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+    @cached_property
     def size(self) -> float:
-        """Diagonal of a box about it, scene units."""
-        points = [side.points for sides in self.sides for side in sides]
-        corners = np.concatenate(points) if points else self.box
-        return float(np.linalg.norm(np.ptp(corners, axis=0)))
+        """Diagonal of its box, scene units."""
+        return float(np.linalg.norm(self.box[1] - self.box[0]))
 
     def local(self, face: int, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, Ints]:
         """Return (u, v) on patches, and these patches, of points in the (u, v) of loops."""
@@ -374,7 +376,7 @@ class Cells:
         return np.minimum(self.eps[cells], self.eps[cells] * across + self.way_eps[cells] * slope)
 
     def roots(self, number: int) -> Ints:
-        """Add the first cells of all faces of a solid, and those of their borders."""
+        """Add the first cells of all faces of a solid and of their borders; return those that loops leave."""
         solid, made = self.solids[number], []
         for face, surface in enumerate(solid.surfaces):
             for p in range(len(surface)):
@@ -396,7 +398,8 @@ class Cells:
                         number, face, table[:, 0].astype(np.int64), table[:, 1:], BORDER, -1
                     )
                 )
-        return np.concatenate(made)
+        every = np.concatenate(made)
+        return every[every >= 0]
 
     def add_crease(
         self, number: int, face: int, side: int, own: FloatArray, other: FloatArray

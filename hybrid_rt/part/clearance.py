@@ -10,7 +10,6 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.distance import ClosestPoint
 from hybrid_rt.part.cells import BORDER, FACE, Cells, Ints, Solid
 from hybrid_rt.part.pairs import ANY, BOTH, FIRST, Found, PairSearch
-from hybrid_rt.part.walls import are_inside
 from meshing import TrimmedSurface
 
 
@@ -31,7 +30,7 @@ def least_clearance(
         for body in (one, other)
     ]
     cells = Cells(bodies)
-    roots = [r[r >= 0] for r in (cells.roots(0), cells.roots(1))]
+    roots = [cells.roots(0), cells.roots(1)]
     found = Found()
 
     def values(a: Ints, b: Ints, kind: Ints) -> tuple[FloatArray, FloatArray, Ints]:
@@ -43,9 +42,7 @@ def least_clearance(
             if not len(rows):
                 continue
             near = nearest[1 - number].query(cells.middle[a[rows]])
-            distance = np.where((near.side < 0) & ~near.on_edge, 0.0, np.abs(near.distance))
-            inside = are_inside(bodies[1 - number].surfaces, near)
-            value[rows] = np.where(inside, distance, np.inf)
+            value[rows] = np.where((near.side < 0) & ~near.on_edge, 0.0, np.abs(near.distance))
             place[rows] = np.stack([cells.middle[a[rows]], near.position], axis=1)
             faces[rows, 1] = near.object_id
         return value, place, faces

@@ -107,7 +107,9 @@ def _may_lie_along(cells: Cells, leaves: Ints, way: FloatArray) -> BoolArray:
     return may
 
 
-def drafts_of(cells: Cells, solid: Solid, pull: FloatArray, tolerance: float) -> list[Draft]:
+def drafts_of(
+    cells: Cells, roots: Ints, solid: Solid, pull: FloatArray, tolerance: float
+) -> list[Draft]:
     """Return the draft angles of the faces of a body for a pull direction, within a tolerance in radians.
 
     What is proven is that of the normals of cells; of planes, cylinders, cones, spheres and tori by closed forms.
@@ -121,7 +123,7 @@ def drafts_of(cells: Cells, solid: Solid, pull: FloatArray, tolerance: float) ->
         )
         found[face] = at.min(initial=np.inf), at.max(initial=-np.inf)
     proven = np.tile([np.inf, -np.inf], (n, 1))
-    leaves = cells_of_faces(cells, solid)
+    leaves = roots[cells.ints[roots, 3] == FACE]
     for _ in range(DEEPEST):
         face = cells.ints[leaves, 1]
         low, high, axis = _sines(cells, solid, leaves, pull)
@@ -195,14 +197,3 @@ def _wave(
     low, high = _cosines(at - np.arctan2(s, c), half)
     size = np.hypot(c, s)
     return size * low, size * high
-
-
-def cells_of_faces(cells: Cells, solid: Solid) -> Ints:
-    """Return the first cells of the faces of a body."""
-    number = cells.solids.index(solid)
-    rows = cells.ints[: cells.n]
-    first = np.flatnonzero((rows[:, 0] == number) & (rows[:, 3] == FACE))
-    has_parent = np.zeros(cells.n, np.bool_)
-    children = cells.children[: cells.n].ravel()
-    has_parent[children[children >= 0]] = True
-    return first[~has_parent[first]]

@@ -32,6 +32,15 @@ def colors_of(thickness: FloatArray, low: float, high: float) -> FloatArray:
     return np.where(np.isfinite(thickness)[:, None], rgb, PLAIN)
 
 
+def _ends_of(thickness: FloatArray) -> tuple[float, float]:
+    """Return where the colours of thicknesses begin and end: the few thickest have the last one."""
+    known = thickness[np.isfinite(thickness)]
+    if not len(known):
+        return 1.0, 2.0
+    low = float(known.min())
+    return low, max(float(np.quantile(known, 0.98)), 1.01 * low)
+
+
 def pictures(
     walls: Walls, marks: list[FloatArray]
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8], float, float]:
@@ -41,9 +50,6 @@ def pictures(
     ``marks`` are places that get a ring.
     """
     low, high = walls.solid.box
-    points = [side.points.reshape(-1, 3) for sides in walls.solid.sides for side in sides]
-    if points:
-        low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
     middle, size = 0.5 * (low + high), walls.size
     forward = np.array(LOOK) / np.linalg.norm(LOOK)
     right = np.cross(forward, (0.0, 0.0, 1.0))
@@ -60,11 +66,8 @@ def pictures(
     seen = np.flatnonzero(hits.hit & hits.front_face)
     thickness = np.full(len(way), np.nan)
     normal = hits.normal[seen]
-    exits = walls.exits(hits.position[seen], normal)
-    thickness[seen] = np.where(walls.opposite(normal, exits, walls.angle), exits.t, np.nan)
-    known = thickness[np.isfinite(thickness)]
-    ends = (float(known.min()), float(np.quantile(known, 0.98))) if len(known) else (1.0, 2.0)
-    ends = ends[0], max(ends[1], 1.01 * ends[0])
+    thickness[seen] = walls.thickness(hits.position[seen], normal)
+    ends = _ends_of(thickness)
     shade = np.zeros(len(way))
     facing = np.abs((normal * way[seen]).sum(axis=1))
     shade[seen] = 0.35 + 0.65 * facing * (0.75 + 0.25 * normal[:, 2])
@@ -117,11 +120,8 @@ def write_map(walls: Walls, file: Path) -> tuple[int, float, float]:
     for face in np.unique(owner).tolist():
         mine = owner == face
         point[mine], normal[mine] = walls.solid.at(face, *uv[mine].T)
-    exits = walls.exits(point, normal)
-    thickness = np.where(walls.opposite(normal, exits, walls.angle), exits.t, np.nan)
-    known = thickness[np.isfinite(thickness)]
-    low, high = (float(known.min()), float(np.quantile(known, 0.98))) if len(known) else (1.0, 2.0)
-    high = max(high, 1.01 * low)
+    thickness = walls.thickness(point, normal)
+    low, high = _ends_of(thickness)
     rgb = np.clip(colors_of(thickness, low, high), 0, 255).astype(np.uint8)
     colored = trimesh.Trimesh(vertices, faces, face_colors=rgb, process=False)
     with replacing(file) as out:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields
 from itertools import combinations
 from typing import Any
 
@@ -24,6 +24,7 @@ from hybrid_rt.part.walls import Walls
 from hybrid_rt.primitives.instances import Instances
 from meshing import TrimmedSurface
 from meshing.checks import as_direction, number
+from meshing.surface import box_around
 
 # Tolerances of answers over the size: thickness and clearance, box; drafts, radians.
 FINE, BOXED, TURNED_BY = 1e-6, 1e-6, 1e-4
@@ -138,9 +139,7 @@ class Report:
 
     def to_json(self) -> str:
         """Return all of it as JSON."""
-        return as_json(
-            _plain({f.name: getattr(self, f.name) for f in fields(self) if f.name != "walls"})
-        )
+        return as_json({f.name: getattr(self, f.name) for f in fields(self) if f.name != "walls"})
 
     def to_csv(self) -> str:
         """Return a table of all faces."""
@@ -290,13 +289,11 @@ def _face_rows(
     """Return a row for each face of the file."""
     some = walls.samples
     p, n, own = walls.cells.middle[some], walls.cells.frame[some][:, :3], walls.cells.ints[some, 1]
-    exits = walls.exits(p, n)
-    t = np.where(walls.opposite(n, exits, walls.angle), exits.t, np.nan)
-    ball = walls.balls_at(p, n, own)[0]
+    t, ball = walls.thickness(p, n), walls.balls_at(p, n, own)[0]
     undercut = np.full(len(p), np.nan)
     drafts: list[Draft] = []
     if pull is not None:
-        drafts = drafts_of(walls.cells, walls.solid, pull, TURNED_BY)
+        drafts = drafts_of(walls.cells, walls.roots, walls.solid, pull, TURNED_BY)
         undercut = walls.are_undercut(p, n, pull).astype(np.float64)
     rows = []
     of_row = np.array(faces)[own]
@@ -307,20 +304,22 @@ def _face_rows(
             low = np.array([drafts[i] for i, f in enumerate(faces) if f == face])
             least, most = low.min(axis=0), low.max(axis=0)
             draft = Draft(*np.rad2deg([least[0], most[1], least[2], most[3]]).tolist())
-        balls = ball[mine & np.isfinite(ball)]
-        rows.append(FaceRow(
-            face, str(model.faces["kind"][face]), float(np.nanmin(np.append(t[mine], np.nan))) if np.isfinite(t[mine]).any() else np.nan,
-            float(balls.min()) if len(balls) else np.nan, draft, float(undercut[mine].mean()) if mine.any() else np.nan,
-        ))  # fmt: skip
+        part = float(undercut[mine].mean()) if mine.any() else np.nan
+        kind = str(model.faces["kind"][face])
+        rows.append(FaceRow(face, kind, _least(t[mine]), _least(ball[mine]), draft, part))
     return rows
+
+
+def _least(values: FloatArray) -> float:
+    """Return the least finite one; nan if there is none."""
+    return float(values[np.isfinite(values)].min()) if np.isfinite(values).any() else np.nan
 
 
 def _clearances(bodies: dict[int, Any], seconds: float, threads: int | None) -> list[Clearance]:
     """Return the clearances of parts whose boxes come nearer than the smaller one's size."""
     boxes = {}
     for k, (surfaces, _) in bodies.items():
-        every = np.array([surface.bounds for surface in surfaces])
-        boxes[k] = every[:, 0].min(axis=0), every[:, 1].max(axis=0)
+        boxes[k] = box_around(np.array([surface.bounds for surface in surfaces]))
     found = []
     for a, b in combinations(bodies, 2):
         apart = np.maximum(boxes[a][0] - boxes[b][1], boxes[b][0] - boxes[a][1])
@@ -331,21 +330,3 @@ def _clearances(bodies: dict[int, Any], seconds: float, threads: int | None) -> 
                 Clearance((a, b), least_clearance(one, other, FINE * max(sizes), seconds, threads))
             )
     return found
-
-
-def _plain(value: Any) -> Any:
-    """Return a value with lists and dicts in place of arrays and records, None where a number is not finite."""
-    if is_dataclass(value):
-        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
-    if isinstance(value, Draft | Box):
-        return _plain(value._asdict())
-    if isinstance(value, dict):
-        names = (",".join(map(str, k)) if isinstance(k, tuple) else str(k) for k in value)
-        return dict(zip(names, map(_plain, value.values()), strict=True))
-    if isinstance(value, list | tuple):
-        return [_plain(x) for x in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, float):
-        return value if np.isfinite(value) else None
-    return value

@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from hybrid_rt.core.records import BoolArray, FloatArray
-from hybrid_rt.distance import ClosestPoint, ClosestRecord
+from hybrid_rt.distance import ClosestPoint
 from hybrid_rt.intersection.intersector import Intersector
 from hybrid_rt.part.cells import ALONG, BORDER, CREASE, FACE, Cells, Ints, Solid
 from hybrid_rt.part.joints import Joint, joints_of
@@ -40,24 +40,12 @@ ANTIPARALLEL = 1e-4
 SHARPER = np.deg2rad(0.1)
 # Balls that are looked at in each round: whether they are inside, and how large they are. On an axis that takes long.
 ASKED, TRIED_BALLS = 4000, 40
-# Beside a centre of a circle, over the size.
-ASIDE_OF_CENTER = 1e-9
 # Points on re-entrant edges at which both normals are taken.
 FANNED = 257
 # Times that a ball shrinks.
 SHRINKINGS = 40
 # Steps by which the point is found whose normal passes through a given one.
 FEET = 4
-
-
-def are_inside(surfaces: list[TrimmedSurface], near: ClosestRecord) -> BoolArray:
-    """Tell which nearest points are inside the loops of their faces, or undecided: a check of what was found."""
-    good = np.ones(len(near), np.bool_)
-    for k in np.unique(near.object_id).tolist():
-        mine = np.flatnonzero(near.object_id == k)
-        inside, in_band = surfaces[k].contains(near.u[mine], near.v[mine])
-        good[mine] = inside | in_band
-    return good
 
 
 @dataclass(frozen=True)
@@ -89,7 +77,6 @@ class Walls:
         self.size = self.solid.size
         self.cells = Cells([self.solid])
         self.roots = self.cells.roots(0)
-        self.roots = self.roots[self.roots >= 0]
 
     @cached_property
     def joints(self) -> list[Joint]:
@@ -164,6 +151,11 @@ class Walls:
         """Tell where a ray leaves through a wall that is opposite within an angle."""
         cosine = -(normals * np.nan_to_num(exits.normal)).sum(axis=1)
         return np.isfinite(exits.t) & (cosine >= np.cos(angle))
+
+    def thickness(self, points: FloatArray, normals: FloatArray) -> FloatArray:
+        """Return the thickness along normals at points of the surface; nan where the wall is not opposite."""
+        exits = self.exits(points, normals)
+        return np.where(self.opposite(normals, exits, self.angle), exits.t, np.nan)
 
     # --- real chords
 
@@ -308,14 +300,11 @@ class Walls:
     @cached_property
     def nearest(self) -> ClosestPoint:
         """Finds the closest point of the part."""
-        return ClosestPoint(self.solid.surfaces, threads=self._threads)
-
-    def _nearest_to(self, points: FloatArray) -> tuple[FloatArray, FloatArray, Ints, BoolArray]:
-        """Return distances from the part, its nearest points, their faces, and whether these are on it."""
-        near = self.nearest.query(points)
-        good = are_inside(self.solid.surfaces, near)
-        face = near.object_id.astype(np.int64)
-        return np.abs(near.distance), near.position, face, good
+        return ClosestPoint(
+            self.solid.surfaces,
+            closed=np.zeros(len(self.solid.surfaces), np.bool_),
+            threads=self._threads,
+        )
 
     def balls(
         self, p: FloatArray, n: FloatArray, t: FloatArray
@@ -332,17 +321,15 @@ class Walls:
             if not len(left):
                 break
             center = p[left] - r[left, None] * n[left]
-            distance, nearest, at, good = self._nearest_to(center)
-            if not good.all():
-                aside = center[~good] + ASIDE_OF_CENTER * self.size
-                distance[~good], nearest[~good], at[~good], _ = self._nearest_to(aside)
-            way = p[left] - nearest
+            near = self.nearest.query(center)
+            way = p[left] - near.position
             smaller = (way**2).sum(axis=1) / np.maximum(2.0 * (way * n[left]).sum(axis=1), 1e-300)
             far = np.linalg.norm(way, axis=1)
-            shrinks = (distance < r[left] * (1.0 - 1e-9)) & (smaller < r[left])
+            shrinks = (near.distance < r[left] * (1.0 - 1e-9)) & (smaller < r[left])
             shrinks &= far > FROM * self.size
             rows = left[shrinks]
-            r[rows], q[rows], face[rows] = smaller[shrinks], nearest[shrinks], at[shrinks]
+            r[rows], q[rows] = smaller[shrinks], near.position[shrinks]
+            face[rows] = near.object_id[shrinks]
             left = rows
         return r, q, face
 
@@ -396,8 +383,8 @@ class Walls:
         blocked = np.zeros(len(a), np.bool_)
         asked = np.flatnonzero(off < 0.5 * half)[:ASKED]
         if len(asked):
-            distance, _, _, good = self._nearest_to(center[asked])
-            blocked[asked] = good & (distance + off[asked] < half[asked] * (1.0 - 1e-9))
+            distance = self.nearest.query(center[asked]).distance
+            blocked[asked] = distance + off[asked] < half[asked] * (1.0 - 1e-9)
         return blocked
 
     def are_undercut(self, p: FloatArray, n: FloatArray, pull: FloatArray) -> BoolArray:

@@ -13,7 +13,7 @@ from hybrid_rt.core import checks
 from hybrid_rt.core.records import FloatArray
 from meshing.area import AreaSampler, Grid
 from meshing.checks import SIMILARITY_TOLERANCE, IdArray, as_affine, as_floats, freeze, shown
-from meshing.surface import Surface
+from meshing.surface import Surface, box_around
 
 # Numbers of patches are int32, as in a hit record.
 MOST_PATCHES = 2**31 - 1
@@ -206,7 +206,7 @@ class Instances(Surface):
         boxes = np.array(
             [s.bounds + 2.0 * s.moved * np.array([[-1.0], [1.0]]) for s in self.surfaces]
         )
-        return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+        return box_around(boxes)
 
     @property
     def _size(self) -> float:
@@ -228,7 +228,7 @@ class Instances(Surface):
     def bounds(self) -> FloatArray:
         """(2, 3) float64: lower and upper corner."""
         boxes = self.boxes
-        return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+        return box_around(boxes)
 
     @property
     def rounding_reach(self) -> float:

@@ -225,7 +225,7 @@ def classify(table, m, u, v, du, dv):
 
     ``du``, ``dv``: half sides of a rectangle about it; what rounding makes of the curves is added.
     Returns ``is_inside``: whether parity is odd.
-    ``may_be_near``: whether a curve may enter the rectangle; if not, the side is certain.
+    ``may_be_near``: whether a curve may enter the rectangle, see `is_entered`; if not, the side is certain.
     """
     u, v = min(max(u, WITHIN), 1.0 - WITHIN), min(max(v, WITHIN), 1.0 - WITHIN)
     du += table.error[m]
@@ -261,6 +261,16 @@ def gap_to_loops(table, m, u, v, du, dv, px, py, pz, qx, qy, qz):
 
 
 @inner
+def is_entered(table, m, u, v, du, dv):
+    """Tell whether a curve enters a rectangle, or passes it within rounding.
+
+    What `classify` says of that is true of the boxes of curves alone: those of the quadrants of a circle meet at
+    its centre.
+    """
+    return gap_to_loops(table, m, u, v, du, dv, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0) < np.inf
+
+
+@inner
 def widest_reach(table, m, u, v, du, dv, px, py, pz, qx, qy, qz, reach):
     """Return the largest reach of the curves that are within theirs of a point; 0: of none.
 
@@ -293,10 +303,7 @@ def classify_points(table, m, u, v, inside, in_band):
     for i in range(u.shape[0]):
         is_inside, may_be_near = classify(table, m, u[i], v[i], 0.0, 0.0)
         inside[i] = is_inside
-        in_band[i] = (
-            may_be_near
-            and gap_to_loops(table, m, u[i], v[i], 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0) < np.inf
-        )
+        in_band[i] = may_be_near and is_entered(table, m, u[i], v[i], 0.0, 0.0)
 
 
 @kernel
@@ -352,10 +359,7 @@ def classify_boxes(table, m, boxes, state):
         # A part in a million more: roots may lie beside the box that offers them.
         du, dv = 0.5000005 * (boxes[i, 1] - boxes[i, 0]), 0.5000005 * (boxes[i, 3] - boxes[i, 2])
         is_inside, may_be_near = classify(table, m, u, v, du, dv)
-        if (
-            may_be_near
-            and gap_to_loops(table, m, u, v, du, dv, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0) < np.inf
-        ):
+        if may_be_near and is_entered(table, m, u, v, du, dv):
             state[i] = CROSSED
         else:
             state[i] = INSIDE if is_inside else OUTSIDE

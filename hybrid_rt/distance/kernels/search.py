@@ -31,7 +31,7 @@ from hybrid_rt.distance.kernels.evaluate import (
 )
 from hybrid_rt.intersection.kernels.search.tree import CHILD, COUNT, WIDTH
 from meshing.kernels.jit import inner, kernel
-from meshing.kernels.trims import classify, gap_to_loops
+from meshing.kernels.trims import classify, is_entered
 
 # Rows of `found`: the least distance; what it may be less by; whether others are as near; u, v on the sheet; the
 # point; sheet and patch; whether it is on an edge; what nothing need be searched beyond, a slack included.
@@ -147,11 +147,7 @@ def stays_inside(shapes, trims, k, u, v):
     u, v = a + u * (number[k, tb.SPAN + 1] - a), c + v * (number[k, tb.SPAN + 3] - c)
     off = 4.0 * ROUNDOFF
     is_inside, may_be_near = classify(trims, member, u, v, off, off)
-    # It says so of corners of the boxes of curves, too: those of the quadrants of a circle meet at its centre.
-    is_near = may_be_near and (
-        gap_to_loops(trims, member, u, v, off, off, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0) < np.inf
-    )
-    return is_inside, is_near
+    return is_inside, may_be_near and is_entered(trims, member, u, v, off, off)
 
 
 @inner

@@ -16,6 +16,7 @@ from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import CompiledScene
 from hybrid_rt.sensor.passes import GROUPS, group_of
 from hybrid_rt.shading.kernels.lobes.register import WIDE
+from meshing.surface import box_around
 
 # About how many photons one thread follows at a time, and how many at least, if others may join them.
 AT_ONCE, FEWEST = 2**16, 2**12
@@ -117,7 +118,7 @@ def ball_of_world(scene: CompiledScene) -> FloatArray:
     bounds = scene.bounds[np.isfinite(scene.bounds).all(axis=(1, 2))]
     if not len(bounds):
         return np.array([0.0, 0.0, 0.0, 1.0])
-    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+    low, high = box_around(bounds)
     return np.array([*(0.5 * (low + high)), 0.5 * np.linalg.norm(high - low)])
 
 

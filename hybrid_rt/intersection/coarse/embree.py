@@ -20,6 +20,7 @@ from hybrid_rt.intersection.kernels.search.coarse import (
     hits_of_rows,
     rays_to_float32,
 )
+from hybrid_rt.intersection.members import frame_of
 
 # What float32 rounds, and far more: in sizes of the frame.
 ROUNDED = 1e-5
@@ -36,9 +37,7 @@ class CoarseScene:
         is_used[faces.ravel()] = True
         vertices = np.where(is_used[:, None], vertices, vertices[faces[0, 0]])
         lo, hi = vertices.min(axis=0), vertices.max(axis=0)
-        middle = 0.5 * lo + 0.5 * hi
-        radius = float(np.linalg.norm(0.5 * hi - 0.5 * lo))
-        to_frame = float(2.0 ** -np.ceil(np.log2(radius)))
+        middle, to_frame = frame_of(lo, hi)
         half = (0.5 * hi - 0.5 * lo) * to_frame * (1.0 + ROUNDED) + ROUNDED
         self.frame = CoarseFrame(middle, to_frame, half)
         self._vertices = ((vertices - middle) * to_frame).astype(np.float32)

@@ -44,6 +44,7 @@ from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_sta
 from hybrid_rt.intersection.kind import Finished, OneRow, Single, rows_of, widen_bounds
 from hybrid_rt.intersection.kinds.closed_poles import closed_poles
 from hybrid_rt.intersection.margins import Aim, Probes, Rows, Search
+from hybrid_rt.intersection.members import frame_of
 from hybrid_rt.intersection.sheets import Sheets
 from hybrid_rt.intersection.trims import may_hold_hits, no_trim, trim_of, trimmed_of, whole_of
 from meshing import BezierPatches, TrimmedSurface
@@ -108,10 +109,7 @@ class PatchKind:
         lengths = (degree + 1).prod(axis=1)
         start = np.concatenate([[0], lengths.cumsum()[:-1]]).astype(np.int64)
         counts = [len(surface) for _, surface in surfaces]
-        lo, hi = points.min(axis=0), points.max(axis=0)
-        middle = 0.5 * lo + 0.5 * hi
-        radius = np.linalg.norm(0.5 * hi - 0.5 * lo)
-        to_frame = float(2.0 ** -np.ceil(np.log2(radius)))
+        middle, to_frame = frame_of(points.min(axis=0), points.max(axis=0))
         low = np.minimum.reduceat(points, start) - middle
         high = np.maximum.reduceat(points, start) - middle
         # Rounded to 20 bits, so that subtracting a centre loses nothing of ordinary figures; to more

@@ -26,6 +26,7 @@ from hybrid_rt.intersection.margins import Aim, Probes, Rows, Search
 from hybrid_rt.intersection.members import SMALL_PART, frame_of, in_frames, tree_over
 from hybrid_rt.primitives import TriangleMesh
 from meshing.kernels.stored_calls import StoredCall
+from meshing.surface import box_around
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.coarse.proposals import Coarse
@@ -58,7 +59,7 @@ class TriangleKind:
         wide = 2.0 * np.repeat(moved + TANGENT_BAND * around[[i for i, _ in meshes], 3], counts)
         bounds = np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1)
         bounds += wide[:, None, None] * np.array([-1.0, 1.0])[:, None]
-        middle, to_frame = frame_of(bounds)
+        middle, to_frame = frame_of(*box_around(bounds))
         # A tree for each frame of faces, and the longest side of one.
         self._trees: list[tuple[Members, float]] = []
         if search:

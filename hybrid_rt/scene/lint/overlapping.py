@@ -14,6 +14,7 @@ import numpy as np
 from hybrid_rt.core.records import BoolArray, FloatArray
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
+from meshing.surface import box_around
 
 # Rays through the box that two bodies have in common: an overlap that all of them miss is not found.
 RAYS = 64
@@ -39,7 +40,7 @@ def overlapping_bodies(scene: CompiledScene, tracer: Intersector) -> list[list[s
     if len(bodies) < 2:
         return []
     boxes = np.array(
-        [_box_around(np.array([scene.surfaces[i].bounds for i in rows])) for rows in bodies]
+        [box_around(np.array([scene.surfaces[i].bounds for i in rows])) for rows in bodies]
     )
     glass = scene.glass_of[scene.material_of[[rows[0] for rows in bodies]]]
     # Index and absorption, then the priority.
@@ -67,16 +68,12 @@ def _pairs_of_boxes(boxes: FloatArray, medium: FloatArray) -> Iterator[tuple[int
             yield first, second
 
 
-def _box_around(boxes: FloatArray) -> FloatArray:
-    return np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
-
-
 def _overlap_in_part(
     tracer: Intersector, one: list[int], other: list[int], boxes: FloatArray
 ) -> bool:
     """Tell whether a ray enters one body, then the other, and leaves the first one first."""
     low, high = boxes[:, 0].max(axis=0), boxes[:, 1].min(axis=0)
-    around = _box_around(boxes)
+    around = box_around(boxes)
     rng = np.random.default_rng(0)
     directions = rng.standard_normal((RAYS, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]

@@ -17,6 +17,7 @@ from meshing.kernels.trims import (
     INSIDE,
     classify,
     gap_to_loops,
+    is_entered,
     state_of_tile,
     widest_reach,
 )
@@ -168,10 +169,7 @@ def may_be_kept(trim, k, u, v, hu, hv):
     at_u, at_v = span[k, 0] + u * span[k, 1], span[k, 2] + v * span[k, 3]
     hu, hv = hu * span[k, 1], hv * span[k, 3]
     is_inside, may_be_near = classify(trim.loops, m, at_u, at_v, hu, hv)
-    return is_inside or (
-        may_be_near
-        and gap_to_loops(trim.loops, m, at_u, at_v, hu, hv, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0) < np.inf
-    )
+    return is_inside or (may_be_near and is_entered(trim.loops, m, at_u, at_v, hu, hv))
 
 
 @inner(outlined=True)
@@ -189,7 +187,4 @@ def meets_pole(trim, k, u, v, rho, speed, slope, band):
     at_u, at_v = span[k, 0] + u * span[k, 1], span[k, 2] + v * span[k, 3]
     hv = min((rho + band / max(slope, 1e-300)) / max(speed, 1e-300), 1.0) * span[k, 3]
     _, may_be_near = classify(trim.loops, m, at_u, at_v, 1.0, hv)
-    return (
-        may_be_near
-        and gap_to_loops(trim.loops, m, at_u, at_v, 1.0, hv, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0) < np.inf
-    )
+    return may_be_near and is_entered(trim.loops, m, at_u, at_v, 1.0, hv)
