@@ -1,4 +1,4 @@
-"""What docs/conventions.md says of cameras, sides, depths, skies and spots, and of scenes of other programs."""
+"""What docs/conventions.md says of sides, depths, and scenes of other programs."""
 
 import numpy as np
 import pytest
