@@ -9,7 +9,6 @@ from hybrid_rt import (
     Box,
     Camera,
     Dielectric,
-    Emissive,
     GradientSky,
     Lambertian,
     Mirror,
@@ -56,13 +55,9 @@ def test_weight_that_was_lost_is_the_depths_unless_branches_were_faint():
     [
         (0.0, "0 %"),
         (0.00123, "0.12 %"),
-        (0.345, "34 %"),
         (0.994, "99 %"),
-        (0.996, "100 %"),
-        (1.9, "190 %"),
         (123.4, "12,000 %"),
         (1e9, "1e+11 %"),
-        (float("nan"), "nan %"),
     ],
 )
 def test_two_digits_of_a_share(share, text):
@@ -171,20 +166,6 @@ def test_a_unit_far_from_one_is_said(radiance, is_far):
     assert ("scale the lamps, or read its standard errors" in text) == is_far
 
 
-def test_photons_that_are_all_shown_to_the_camera_are_not_missed():
-    """What a lens throws on a floor that the camera sees is splatted; no disc has to meet it."""
-    floor = Object(Rectangle((-5, -5, 0), (10, 0, 0), (0, 10, 0)), Lambertian(0.02))
-    lens = Object(Sphere((0, 0, 20), 6), Dielectric(1.5))
-    lamp = RectangleLight((-1, -1, 40), (0, 2, 0), (2, 0, 0), 1.0)
-    camera = Camera((0, 0, 8), (0, 0, 0), (0, 1, 0), 64, 16, 16)
-    report = render(
-        Scene(camera, [floor, lens], [lamp]), "ppm", passes=2, options=PPMOptions(100_000)
-    ).report
-    assert report["photons"]["stored"] > 1000
-    assert report["photons"]["shown_to_camera"] > 0.9 * report["photons"]["stored"]
-    assert report["points_missed_by_photons"] == 0
-
-
 class TestFurther:
     FLOOR = Object(Rectangle((-2, -2, 0), (4, 0, 0), (0, 4, 0)), Lambertian(0.5))
     LAMP = RectangleLight((-1, -1, 3), (0, 2, 0), (2, 0, 0), 5.0)
@@ -261,11 +242,6 @@ class TestFurther:
         report = changed(report, relative_error=unknown)
         assert "further" not in in_words(report)
 
-    def test_the_figure_to_be_trusted_is_forecast(self):
-        of_few = {"worst_pixels_share_of_squared_error": 0.6}
-        report = changed(self.report(passes=8), noise=of_few)
-        assert "without the worst" in in_words(report).splitlines()[-1]
-
     @pytest.mark.parametrize("settings", [{}, {"target_error_trimmed": 0.9}])
     def test_a_figure_that_will_rise_is_not_forecast(self, settings):
         noise = {
@@ -291,20 +267,6 @@ class TestFurther:
             error[f"both_trimmed{key}"] = value
         report = changed(report, noise=noise, relative_error=error)
         assert " takes about 128 passes in all, " in in_words(report).splitlines()[-1]
-
-    def test_no_number_of_passes_is_told_where_it_would_be_beyond_all_numbers(self):
-        """Of a quarter of the squared error: 2^2000 times the passes."""
-        report = self.report(passes=8, target_error=0.05)
-        report = changed(report, relative_error={"both": 0.1, "error_power": 0.001})
-        assert "further" not in in_words(report)
-        report = self.report(passes=8, target_error_trimmed=0.05)
-        noise = {
-            "worst_pixels_share_of_squared_error": 0.95, "relative_rmse_trimmed": 0.1,
-            "relative_rmse_trimmed_ahead": 0.0999,
-        }  # fmt: skip
-        error = {"both_trimmed": 0.1, "both_trimmed_ahead": 0.0999}
-        report = changed(report, noise=noise, relative_error=error)
-        assert "further" not in in_words(report)
 
     def test_what_is_done_once_is_not_forecast_for_every_pass(self):
         """0.5 s once, and 4 times 1.5 s for 4 times as many passes."""
@@ -332,6 +294,7 @@ class TestFurther:
         assert "rough" not in in_words(report)
         report = changed(report, noise={"worst_pixels_share_of_squared_error": 0.6})
         assert "the first figure that it is rough; trust the second, but not" in in_words(report)
+        assert "without the worst" in in_words(report).splitlines()[-1]
 
 
 @pytest.mark.parametrize(("integrator", "max_depth", "is_said"), [
@@ -375,17 +338,6 @@ def test_much_light_that_is_not_found_is_a_warning(integrator):
     words = warnings_in_words(half.report)
     assert len(words) == (integrator == "path")
     assert all("of what it finds, which no error" in line for line in words)
-
-
-def test_the_warning_of_light_not_found_says_in_how_many_bounces():
-    """In a closed box of albedo 0.9 a fifth of the light, 0.9^16, has more than 16 bounces."""
-    walls = Box((-1, -1, -1), (1, 1, 1)).flipped()
-    ball = Object(Sphere((0.2, 0.1, 0), 0.4), Dielectric(1.5), "ball")
-    box = Object(walls, Emissive(0.2, Lambertian(0.9)), "box")
-    camera = Camera((-0.8, -0.7, 0.2), (0.3, 0.2, 0), (0, 0, 1), 70, 12, 9)
-    report = render(Scene(camera, [box, ball]), "whitted", passes=2, threads=1).report
-    (words,) = [line for line in warnings_in_words(report) if "does not find" in line]
-    assert "(95 %) in up to 16 bounces, " in words
 
 
 def test_a_mean_that_photons_blur_is_a_warning():
