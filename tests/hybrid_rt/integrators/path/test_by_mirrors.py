@@ -32,7 +32,7 @@ from hybrid_rt import (
     render,
 )
 from hybrid_rt.demo import teapot
-from hybrid_rt.integrators.path.mirrors import MOST_MIRRORS, mirrors_of
+from hybrid_rt.integrators.path.mirrors import mirrors_of
 from hybrid_rt.scene.compiled import compile_scene
 
 FLOOR = Object(Rectangle((-4, -4, 0), (8, 0, 0), (0, 8, 0)), Lambertian(0.6))
@@ -74,9 +74,7 @@ class TestPictures:
         "short": ([Object(FLOOR.surface, POLISHED), Object(SKEW, POLISHED)], [BULB], {"max_depth": 4}),
     }  # fmt: skip
 
-    @pytest.mark.parametrize(
-        "name", nightly_but(SCENES, "two, and two lamps", "mirrors in part", "short")
-    )
+    @pytest.mark.parametrize("name", nightly_but(SCENES, "two, and two lamps", "short"))
     def test_same_light_as_by_chance(self, name):
         """Without light paths no mirror is asked."""
         objects, lights, settings = self.SCENES[name]
@@ -171,10 +169,3 @@ class TestTable:
             Object(beside, Mirror(0.9)),
         ]
         assert table(objects).surface.size == 3
-
-    def test_the_largest_ones(self):
-        objects = [
-            Object(Rectangle((k, 1.0, 0.5), (0.5 + 0.01 * k, 0, 0), (0, 0, 0.5)), Mirror(0.9))
-            for k in range(MOST_MIRRORS + 3)
-        ]
-        assert table(objects).surface.tolist() == list(range(4, MOST_MIRRORS + 4))
