@@ -74,7 +74,9 @@ class TestPictures:
         "short": ([Object(FLOOR.surface, POLISHED), Object(SKEW, POLISHED)], [BULB], {"max_depth": 4}),
     }  # fmt: skip
 
-    @pytest.mark.parametrize("name", nightly_but(SCENES, "two, and two lamps", "short"))
+    @pytest.mark.parametrize(
+        "name", nightly_but(SCENES, "two, and two lamps", "mirrors in part", "short")
+    )
     def test_same_light_as_by_chance(self, name):
         """Without light paths no mirror is asked."""
         objects, lights, settings = self.SCENES[name]
