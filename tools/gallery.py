@@ -51,7 +51,7 @@ ALPHA = {"teapot_ppm": 0.85, "wine_glass": 0.9}
 QUALITY = 90
 HEAD = """# Gallery
 
-Every scene of the project, rendered by `tools/gallery.py`, 1280 pixels wide or high. Below each image stands what it
+Every scene of the project, rendered by `tools/gallery.py`, at most 1280 pixels wide or high. Below each image stands what it
 cost in processor time and how far it may be off: the *noise* is the relative RMSE, first without [the worst 0.1 % of
 the pixels](howto/noise.md#the-worst-01--of-the-pixels), then, in brackets, with them. Where photons are gathered their
 *blur*, or a limit to it, follows. Nothing is denoised.
@@ -227,18 +227,15 @@ def strip_section(panels: list[dict[str, Any]]) -> str:
 
 
 def parts_section(facts: dict[str, Any]) -> str:
-    """Put the pictures of a CAD part on the page."""
-    low, high = facts["thickness"]
+    """Put the picture of a CAD part on the page."""
+    (low, high), unit, limit = facts["thickness"], facts["unit"], facts["deviation"]
     return (
-        f"## The walls of a NIST part of {facts['faces']} faces, straight from its STEP file\n\n"
-        "![thickness](gallery/thickness.webp)\n\n"
-        f"Thickness from {low:.3g} mm (red) to {high:.3g} mm (blue), measured by a certified ray from each "
-        "pixel; grey: no wall\nopposite ([part reports](howto/part.md)).\n\n"
-        "## That part, bent, and measured against its model\n\n"
-        "![deviation](gallery/deviation.webp)\n\n"
-        f"Signed distances from {-facts['deviation']:.2g} mm (blue) to {facts['deviation']:.2g} mm (red), each "
-        "with a proven bound\n([deviations](howto/deviation.md)). "
-        f"`tools/part_pictures.py` made both from `{facts['model']}`.\n"
+        "## A NIST part from its STEP file: the thickness of its walls; bent, and measured against the file\n\n"
+        "![parts](gallery/parts.webp)\n\n"
+        f"Left: from {low:.3g} (red) to {high:.3g} {unit} (blue), by a certified ray from each pixel; grey: no "
+        "wall opposite\n([part reports](howto/part.md)). "
+        f"Right: signed distances from {-limit:.2g} (blue) to {limit:.2g} {unit} (red), each with a proven\n"
+        f"bound ([deviations](howto/deviation.md)). `tools/part_pictures.py` drew them from `{facts['model']}`.\n"
     )
 
 

@@ -2,9 +2,10 @@
 
 python tools/part_pictures.py part.step
 
-Every pixel is a certified ray. The first picture colours the thickness that a second ray measures.
-For the second one the points that pixels see are moved as if the part were bent, and each is measured
-against the model as a scanned point is. tools/gallery.py puts both on its page, by parts.json.
+Every pixel is a certified ray. The left half colours the thickness that a second ray measures. For the
+right one the points that pixels see are moved as if the part were bent, and each is measured against
+the model as a scanned point is. Beside the picture, parts.json says what the colours mean;
+tools/gallery.py puts both on its page.
 """
 
 import argparse
@@ -26,7 +27,7 @@ from hybrid_rt.part.walls import Walls
 from meshing.outputs import check_writable, make_folder, replacing
 
 ROOT = Path(__file__).parents[1]
-NAMES, QUALITY = ("thickness", "deviation"), 90
+QUALITY, MARGIN = 90, 16
 # How far the middle of the bent part lies above its ends, over its size; the scale of colours ends there.
 BENT = 1e-3
 
@@ -42,22 +43,24 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "gallery")
     args = parser.parse_args()
     make_folder(args.out)
-    files = {name: args.out / f"{name}.webp" for name in NAMES}
-    for file in (*files.values(), args.out / "parts.json"):
-        check_writable(file)
+    for name in ("parts.webp", "parts.json"):
+        check_writable(args.out / name)
     model = read_cad(args.model)
     walls = Walls(surfaces_of_part(model, args.part)[0], np.deg2rad(20.0), args.threads)
     _, thickness, low, high = pictures(walls, [])
     deviation, limit = bent(walls)
     facts: dict[str, Any] = {
         "model": args.model.name,
-        "faces": len(walls.solid.surfaces),
+        "unit": model.report["unit"],
         "thickness": [low, high],
         "deviation": limit,
     }
-    for name, image in zip(NAMES, (thickness, deviation), strict=True):
-        with replacing(files[name]) as file:
-            imageio.imwrite(file, image, extension=".webp", quality=QUALITY, method=6)
+    drawn = np.argwhere((thickness < 250).any(axis=2))
+    (top, left), (bottom, right) = drawn.min(axis=0) - MARGIN, drawn.max(axis=0) + MARGIN
+    part = slice(max(top, 0), bottom), slice(max(left, 0), right)
+    with replacing(args.out / "parts.webp") as file:
+        both = np.hstack([thickness[part], deviation[part]])
+        imageio.imwrite(file, both, extension=".webp", quality=QUALITY, method=6)
     with replacing(args.out / "parts.json") as file:
         file.write(json.dumps(facts, indent=1).encode())
     return 0
@@ -69,9 +72,7 @@ def bent(walls: Walls) -> tuple[Any, float]:
     middle, limit = 0.5 * (low + high), BENT * walls.size
     forward = np.array(LOOK) / np.linalg.norm(LOOK)
     eye = middle - 1.9 * walls.size * forward
-    camera = Camera(
-        eye, middle, up=(0, 0, 1), vertical_fov=FOV, width=2 * WIDTH, height=2 * HEIGHT
-    )
+    camera = Camera(eye, middle, up=(0, 0, 1), vertical_fov=FOV, width=2 * WIDTH, height=2 * HEIGHT)
     row, column = np.indices((camera.height, camera.width)).reshape(2, -1)
     origins, way = camera.rays(column + 0.5, row + 0.5)
     hits = walls.tracer.intersect(origins, way)
