@@ -176,7 +176,7 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
     ("D27", "textures of one texel, none, 16 bits, with alpha", "closed forms; refusals", (
         f"{TEXTURES}one_pixel_is_a_constant",
         f"{TEXTURES}eight_and_sixteen_bits_grey_and_alpha",
-        f"{TEXTURES}what_is_no_picture_is_refused",
+        "scene/test_scene.py::test_picture_files_are_refused_in_the_name_of_their_class",
         f"{TEXTURES}impossible_textures_are_refused",
     )),
     ("D28", "texture coordinates 1, below 0 and 1e9", "closed form of the checker; whole periods", (
@@ -194,7 +194,6 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
     ("D32", "no passes, no photons, no time", "refusals", (
         f"{SETTINGS}what_is_out_of_range_is_refused",
         f"{PPM}impossible_options_are_refused",
-        f"{PPM}impossible_options_of_photon_maps_are_refused",
     )),
     ("E01", "coarse stage reports wrong hits", "identity", (
         f"{HITS}wrong_coarse_hits_change_nothing",
