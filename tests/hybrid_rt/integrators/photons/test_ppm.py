@@ -367,6 +367,11 @@ def test_impossible_options_are_refused(kind, name, value):
         kind(**{name: value})
 
 
+def test_alpha_one_warns_of_its_blur():
+    with pytest.warns(UserWarning, match="never shrink"):
+        PPMOptions(alpha=1.0)
+
+
 @pytest.mark.parametrize("radius", [1e308, 2.95, 1.1e-5])
 def test_radii_far_from_the_scenes_size_are_refused(radius):
     """A floor of 8 x 8 with a lamp 3 above it: the diagonal of their box is 11.7."""
