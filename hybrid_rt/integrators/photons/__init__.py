@@ -6,15 +6,13 @@ from typing import TYPE_CHECKING
 
 from hybrid_rt.integrators.declaration import Declaration
 from hybrid_rt.integrators.options import PhotonMapOptions, PPMOptions
+from hybrid_rt.integrators.techniques import FOUND_BY_PHOTONS, paths_found
 
 if TYPE_CHECKING:
     from hybrid_rt.integrators.context import RenderContext
     from hybrid_rt.integrators.workers import Workers
     from hybrid_rt.scene.compiled import CompiledScene
 
-# Lights are sampled, and photons gathered, where light is spread widely; metals sample lights too, but
-# photons do not stay on them. What runs into a lamp needs neither.
-FINDS = "[LUK][DGS]*E|P[DGS]*D[DGS]*E|PG[GS]*E"
 WHY_NO_LIGHT_PATHS = (
     "photons find what mirrors and glass throw onto surfaces that spread light widely"
 )
@@ -41,7 +39,7 @@ def _refuse(scene: CompiledScene) -> None:
 PPM = Declaration(
     name="ppm",
     make=_make_ppm,
-    finds=lambda _: FINDS,
+    finds=lambda _: paths_found(FOUND_BY_PHOTONS),
     options=PPMOptions,
     refuse=_refuse,
     without_light_paths=WHY_NO_LIGHT_PATHS,
@@ -50,7 +48,7 @@ PPM = Declaration(
 PHOTON_MAP = Declaration(
     name="photon_map",
     make=_make_photon_map,
-    finds=lambda _: FINDS,
+    finds=lambda _: paths_found(FOUND_BY_PHOTONS),
     options=PhotonMapOptions,
     refuse=_refuse,
     without_light_paths=WHY_NO_LIGHT_PATHS,
