@@ -25,15 +25,15 @@ def _make_ppm(context: RenderContext, threads: int) -> Workers:
 
 
 def _make_photon_map(context: RenderContext, threads: int) -> Workers:
-    from hybrid_rt.integrators.photons.photon_map import PhotonMapWorkers
+    from hybrid_rt.integrators.photons.photon_workers import PhotonMapWorkers
 
     return PhotonMapWorkers(context, threads)
 
 
 def _refuse(scene: CompiledScene) -> None:
-    from hybrid_rt.integrators.photons.photon_groups import check_lights
+    from hybrid_rt.integrators.photons.emission import ball_of_world, powers_of_lights
 
-    check_lights(scene)
+    powers_of_lights(scene, ball_of_world(scene))
 
 
 PPM = Declaration(

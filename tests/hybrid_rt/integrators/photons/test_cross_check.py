@@ -24,8 +24,8 @@ from hybrid_rt import (
     render,
 )
 from hybrid_rt.integrators.photons import cross_check
-from hybrid_rt.integrators.photons.cross_check import _least
-from hybrid_rt.integrators.photons.probe import Probe
+from hybrid_rt.integrators.probes.cross_check import _least
+from hybrid_rt.integrators.probes.probe import Probe
 from hybrid_rt.sensor.film import REGIONS, Film, regions_of
 from proof.stability.row import Effort
 from proof.stability.rows_light_rare import DOWN, FLOOR, mean_by_port, polished, port, rare_light
