@@ -128,8 +128,8 @@ class TestPlan:
         ("module", "name", "needless", "needed"),
         [
             (surface_light, "lobe_colors", scene(Lambertian(0.5)), CheckerTexture(0.9, 0.1)),
-            (surface_light, "light_on_hits", scene(Mirror()), 0.5),
-            (surface_light, "light_on_hits", scene(Lambertian(0.5), lights=()), 0.5),
+            (surface_light, "sample_lights", scene(Mirror()), 0.5),
+            (surface_light, "sample_lights", scene(Lambertian(0.5), lights=()), 0.5),
             (all_lights, "sample_lobes", scene(Lambertian(0.5), environment=None), 0.5),
             (whitted, "mirror_directions", scene(Lambertian(0.5)), None),
             (whitted, "glass_branches", scene(Mirror()), None),
