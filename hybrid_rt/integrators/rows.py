@@ -26,7 +26,8 @@ def rows_of(table: Table, rows: Any) -> Table:
         return cast(Table, table[rows] if len(table) else table)
     if isinstance(table, tuple) or is_dataclass(table):
         columns = tuple(rows_of(column, rows) for column in _columns(table))
-        return cast(Table, columns if type(table) is tuple else type(table)(*columns))
+        kind: Any = type(table)
+        return cast(Table, columns if kind is tuple else kind(*columns))
     return table
 
 
