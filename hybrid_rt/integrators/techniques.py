@@ -52,7 +52,7 @@ def found_by_path(
     if strategy == "directions":
         return (Found("[LUK][DGS]*E", (EMISSION,)),)
     both = (EMISSION, NEXT_EVENT) if strategy == "both" else (NEXT_EVENT,)
-    found = (
+    found: tuple[Found, ...] = (
         Found("[KU](?:S[DGS]*)?E", (EMISSION,)),
         Found("U[DG][DGS]*E", (EMISSION,)),
         Found("K[DG][DGS]*E", both),

@@ -14,7 +14,9 @@ ray no more than 1 / `FAINT` branches are expected at a time.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,11 +101,10 @@ class EyePass(Integrator):
     ``is_in_the_open``: whether the camera is outside all dielectrics.
     ``blur`` (pixels, 3): radiance of this pass minus that by discs of half the area, from which the
     blur is estimated. Written.
-    ``n_points``, ``n_gathered``, ``n_without``: points that gathered photons, photons that they
-    gathered, and points that met none. Written.
-    ``n_shown``: those among ``n_without`` whose discs hold photons that were shown to the camera,
-    judged by some of them. Written.
-    ``shown_power``: power of these photons, of each block and pass once, at least. Written.
+    ``counted``: "n_points", "n_gathered" and "n_without", points that gathered photons, photons that they
+    gathered, and points that met none; "n_shown", those of the latter whose discs hold photons that were
+    shown to the camera, judged by some of them; "shown_power", power of these photons, of each block and
+    pass once, at least. Written.
     """
 
     def __init__(self, context: RenderContext) -> None:
@@ -115,11 +116,7 @@ class EyePass(Integrator):
         self.n_shadow_rays = 1
         camera = context.scene.camera
         self.blur = np.zeros((camera.height * camera.width if context.plan["photons"] else 0, 3))
-        self.n_gathered = 0
-        self.n_points = 0
-        self.n_without = 0
-        self.n_shown = 0
-        self.shown_power = 0.0
+        self.counted: dict[str, Any] = Counter()
         self._share_of_rays = 1.0
         lights, plan, lobes = context.scene.lights, context.plan, context.scene.lobes
         # Next-event estimation alone finds direct light at wide lobes, so its weight is one.
@@ -247,10 +244,10 @@ class EyePass(Integrator):
             add_products(camera_ray, throughput, sums.value, radiance)
             add_products(camera_ray, throughput, sums.blur, blur)
             self._note_gathered(field, camera_ray, throughput, sums)
-            self.n_points += camera_ray.size
-            self.n_gathered += int(sums.near.sum())
+            self.counted["n_points"] += camera_ray.size
+            self.counted["n_gathered"] += int(sums.near.sum())
             without = np.flatnonzero(sums.near == 0)
-            self.n_without += without.size
+            self.counted["n_without"] += without.size
             self._note_shown(points, field, without)
 
     def _points_of(self, waiting: PendingPoints) -> Points:
@@ -312,9 +309,9 @@ class EyePass(Integrator):
         asked = without[:: -(-without.size // MOST_ASKED)]
         found = field.shown_photons(points, asked)
         found = found[found >= 0]
-        self.n_shown += round(without.size * found.size / asked.size)
+        self.counted["n_shown"] += round(without.size * found.size / asked.size)
         power = float(field.photons.power[np.unique(found)].sum(dtype=np.float64))
-        self.shown_power += power * self._share_of_rays
+        self.counted["shown_power"] += power * self._share_of_rays
 
     def _note_gathered(
         self, field: Field, camera_ray: NDArray[np.int64], throughput: FloatArray, sums: Sums

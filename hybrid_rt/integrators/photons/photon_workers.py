@@ -5,6 +5,7 @@ thread waits in between, and at most two photon maps exist at a time.
 """
 
 from abc import abstractmethod
+from collections import Counter
 from collections.abc import Callable, Generator, Mapping
 from concurrent.futures import Future
 from typing import Any, NamedTuple, TypeVar, cast
@@ -57,8 +58,10 @@ NEARLY_ALL = 0.99
 # are aimed, the others have up to twice the mean power.
 UNMET_SHARE, MOST_UNMET = 0.01, 3.0 / (1.0 - AIMED_SHARE)
 
-# What eye passes count.
-_OF_EYE_PASS = ("n_points", "n_gathered", "n_without", "n_shown", "shown_power")
+# What is counted, by eye passes and beside them.
+COUNTED = (
+    "n_points", "n_gathered", "n_without", "n_shown", "shown_power", "n_splats", "n_caustic",
+)  # fmt: skip
 
 # Photons farther than this share of `size_for_discs` make no light at a point: around a caustic
 # there is darkness, and the nearest photons lie anywhere.
@@ -95,8 +98,8 @@ class PhotonWorkers(Workers):
     def __init__(self, context: RenderContext, threads: int) -> None:
         super().__init__(context, threads, EyePass)
         self._threads = threads
-        self._options = context.options or self.options()
-        self._n_splats = self._n_caustic = 0
+        self._options: Any = context.options or self.options()
+        self._counted: dict[str, Any] = Counter()
         self._balance = Balance()
         self._blocks: dict[int, list[list[Piece]]] = {}
         camera = context.scene.camera
@@ -145,7 +148,7 @@ class PhotonWorkers(Workers):
                     assert isinstance(made, Pass)
                     # Not before: a pass that is given up is in no picture.
                     self._balance.add(photons.balance)
-                    self._n_splats += photons.n_splats
+                    self._counted["n_splats"] += photons.n_splats
                     radiance = made.radiance
                     if photons.picture is not None:
                         radiance = radiance + photons.picture
@@ -235,50 +238,41 @@ class PhotonWorkers(Workers):
         return picture
 
     def _own_counts(self) -> dict[str, Any]:
-        counts = {
-            name: sum(getattr(eye_pass, name) for eye_pass in self._eye_passes)
-            for name in _OF_EYE_PASS
-        }
-        balance = self._balance
-        return {
-            **counts,
-            "n_splats": self._n_splats,
-            "n_caustic": self._n_caustic,
-            "n_emitted": balance.n_emitted,
-            "n_stored": balance.n_stored,
-            "power": balance.power.tolist(),
-        }
+        own = {"n_emitted": self._balance.n_emitted, "n_stored": self._balance.n_stored}
+        return {**self._total, **own, "power": self._balance.power.tolist()}
+
+    @property
+    def _total(self) -> dict[str, Any]:
+        """What all threads have counted."""
+        counted = [self._counted, *(eye_pass.counted for eye_pass in self._eye_passes)]
+        return {name: sum(one[name] for one in counted) for name in COUNTED}
 
     def _carry_own(self, counts: dict[str, Any]) -> None:
-        first = self._eye_passes[0]
-        for name in _OF_EYE_PASS:
-            setattr(first, name, getattr(first, name) + counts.get(name, 0))
-        self._n_splats += counts["n_splats"]
-        self._n_caustic += counts["n_caustic"]
+        for name in COUNTED:
+            self._counted[name] += counts.get(name, 0)
         power = np.array(counts["power"])
         self._balance.add(Balance(power, counts["n_emitted"], counts["n_stored"]))
 
     def _forget_own(self) -> None:
         for eye_pass in self._eye_passes:
-            for name in _OF_EYE_PASS:
-                setattr(eye_pass, name, 0)
-        self._n_splats = self._n_caustic = 0
+            eye_pass.counted.clear()
+        self._counted.clear()
         self._balance = Balance()
 
     def photons(self, blur: Blur) -> PhotonFigures:
         """Return the photon statistics of the report, in plain types."""
-        first, balance = self._eye_passes[0], self._balance
+        counted, balance = self._total, self._balance
         power = [[twelve_digits(x) for x in part] for part in balance.power.tolist()]
         return PhotonFigures(
             **self._about(),
             per_pass=self._options.photons_per_pass,
             emitted=balance.n_emitted,
             stored=balance.n_stored,
-            shown_to_camera=self._n_splats,
-            gather_points=first.n_points,
-            gathered_per_point=first.n_gathered / max(first.n_points, 1),
-            points_without_photons=first.n_without,
-            points_with_shown_photons_alone=first.n_shown,
+            shown_to_camera=counted["n_splats"],
+            gather_points=counted["n_points"],
+            gathered_per_point=counted["n_gathered"] / max(counted["n_points"], 1),
+            points_without_photons=counted["n_without"],
+            points_with_shown_photons_alone=counted["n_shown"],
             blur_root_mean_square=blur.absolute,
             blur_root_mean_square_at_most=blur.absolute_at_most,
             blur_relative_rmse=blur.relative,
@@ -292,7 +286,7 @@ class PhotonWorkers(Workers):
         """Estimate the blur (bias) of the mean of all passes so far."""
         if self._blur is None:
             return NO_BLUR
-        is_met = any(eye_pass.n_gathered for eye_pass in self._eye_passes)
+        is_met = self._total["n_gathered"] > 0
         # A black picture is none that photons, which met nothing that is seen, tell anything of.
         is_black = self._balance.n_emitted > 0 and not image.any()
         if not is_met and (is_black or (self.may_miss and self.n_missed)):
@@ -307,17 +301,14 @@ class PhotonWorkers(Workers):
         A point whose disc holds some has met light. What it waits for is less, if these have a power
         beside which few photons are little.
         """
-        n_points, n_missed, n_shown, shown_power = (
-            sum(getattr(eye_pass, name) for eye_pass in self._eye_passes)
-            for name in ("n_points", "n_without", "n_shown", "shown_power")
-        )
-        n_stored = self._balance.n_stored
-        if n_stored == 0 or 2 * self._n_splats > n_stored:
+        counted, n_stored = self._total, self._balance.n_stored
+        if n_stored == 0 or 2 * counted["n_splats"] > n_stored:
             return 0
+        n_missed = counted["n_without"]
         of_one = float(self._balance.power[EMITTED].sum()) / self._balance.n_emitted
-        if MOST_UNMET * of_one < UNMET_SHARE * shown_power:
-            n_missed -= n_shown
-        return int(n_missed) if n_missed >= max(NEARLY_ALL * n_points, 1) else 0
+        if MOST_UNMET * of_one < UNMET_SHARE * counted["shown_power"]:
+            n_missed -= counted["n_shown"]
+        return int(n_missed) if n_missed >= max(NEARLY_ALL * counted["n_points"], 1) else 0
 
 
 class PhotonMapWorkers(PhotonWorkers):
@@ -344,13 +335,13 @@ class PhotonMapWorkers(PhotonWorkers):
         is_soft = (photons.history & MET_SPREADING) != 0
         fields = [Nearest(rows_of(photons, is_soft), lobes, nearest, limit)]
         if self.context.plan["caustic map"]:
-            self._n_caustic += int(np.count_nonzero(~is_soft))
+            self._counted["n_caustic"] += int(np.count_nonzero(~is_soft))
             fields.append(Nearest(rows_of(photons, ~is_soft), lobes, nearest, limit))
         return tuple(fields)
 
     def _about(self) -> dict[str, Any]:
         return {
             "nearest": self._options.nearest,
-            "stored_in_caustic_map": self._n_caustic,
+            "stored_in_caustic_map": self._total["n_caustic"],
             "blur": BLUR_OF_NEAREST,
         }

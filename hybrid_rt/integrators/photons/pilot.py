@@ -155,7 +155,7 @@ def measure_work(
     of_each_kept = squares[:, kept].mean(axis=1).tolist()
     pixels = own.scene.camera.width * own.scene.camera.height
     # Each half of the photons was looked for at all points.
-    gathered = (GATHER_COST * pilot.n_points + rays["to photons"]) / len(halves)
+    gathered = (GATHER_COST * pilot.counted["n_points"] + rays["to photons"]) / len(halves)
     seen = rays["camera"] + rays["mirrored or refracted"] + gathered
     return Work(
         of_camera_rays=of_each_kept[0],
