@@ -22,6 +22,10 @@ SPECULAR_NEXT_EVENT = "next-event estimation by way of mirrors and glass"
 PHOTONS = "photon density estimation"
 
 
+# A regular expression that nothing fits.
+NO_PATH = "(?!)"
+
+
 class Found(NamedTuple):
     """A class of light paths, and the techniques that are weighted to one there."""
 
@@ -40,41 +44,51 @@ CAUSTIC_OF_SURFACE = f"(?:{_CAUSTIC.format('S[SG]*')})"
 
 
 def found_by_path(
-    strategy: str, *, subpaths: bool, of_surface: bool = False, far: bool = False
+    strategy: str,
+    *,
+    subpaths: bool,
+    of_surface: bool = False,
+    far: bool = False,
+    by_way: str = "",
 ) -> tuple[Found, ...]:
     """Return what the integrator "path" finds by a strategy of `PathOptions`.
 
     ``subpaths``: light subpaths are traced. ``of_surface``: lights ``L`` are emissive meshes, patches or turned
     bodies. ``far``: connections find light between diffuse surfaces; ``F`` between two of these stands
-    for a long way. Where ``subpaths`` leave a gap, every S next to the light may be a body by way of which
-    lights are sampled.
+    for a long way. ``by_way``: the lights that all surfaces reach for by way of mirrors and glass: ``L`` where
+    light subpaths are of no use, ``K`` if it is bright in few directions. Such an S next to the light is a
+    body by way of which lights can be sampled.
     """
     if strategy == "directions":
         return (Found("[LUK][DGS]*E", (EMISSION,)),)
     both = (EMISSION, NEXT_EVENT) if strategy == "both" else (NEXT_EVENT,)
-    found: tuple[Found, ...] = (
-        Found("[KU](?:S[DGS]*)?E", (EMISSION,)),
-        Found("U[DG][DGS]*E", (EMISSION,)),
-        Found("K[DG][DGS]*E", both),
+    found = (
+        Found("U[DGS]*E", (EMISSION,)),
         Found("P[DG][DGS]*E", (NEXT_EVENT,)),
+        *_without_subpaths("K", both, "S[DG]" if "K" in by_way else NO_PATH),
     )
     if not subpaths:
-        return (*found, Found("L(?:S[DGS]*)?E", (EMISSION,)), Found("L[DG][DGS]*E", both))
+        return (*found, *_without_subpaths("L", both, "S[DG]" if "L" in by_way else NO_PATH))
     caustic = CAUSTIC_OF_SURFACE if of_surface else CAUSTIC
-    near, any_way = ("(?!.*F)", "DGSF") if far else ("", "DGS")
-    rest = f"L{near}(?!{caustic})"
-    # A lens or mirror is next to the light, and another one next to the surface that it throws light onto.
-    gap = "S[DG]S[DGS]*E"
-    found += (
-        Found(f"{rest}(?!{gap})(?:S[DGS]*)?E", (EMISSION,)),
-        Found(f"{rest}{gap}", (EMISSION, SPECULAR_NEXT_EVENT)),
-        Found(f"{rest}[DG][DGS]*E", both),
+    near = "(?!.*F)" if far else ""
+    found = (
+        *found,
+        # Where a mirror or lens is next to the light, and another one next to the surface that it throws light
+        # onto, light subpaths leave a gap.
+        *_without_subpaths(f"L{near}(?!{caustic})", both, "S[DG]S"),
         Found(f"L{near}(?={caustic})S[DGS]*E", (EMISSION, SUBPATH)),
         Found(f"L{near}(?={caustic})G[DGS]*E", (EMISSION, NEXT_EVENT, SUBPATH)),
     )
-    if far:
-        found += (Found(f"L[{any_way}]*DFD[{any_way}]*E", (FAR_CONNECTION,)),)
-    return found
+    return (*found, Found("L[DGSF]*DFD[DGSF]*E", (FAR_CONNECTION,))) if far else found
+
+
+def _without_subpaths(light: str, both: tuple[str, ...], by_way: str) -> tuple[Found, ...]:
+    """Return what is found of a light; ``by_way``: surfaces next to it that it is sampled by way of."""
+    return (
+        Found(f"{light}(?!{by_way})(?:S[DGS]*)?E", (EMISSION,)),
+        Found(f"{light}{by_way}[DGS]*E", (EMISSION, SPECULAR_NEXT_EVENT)),
+        Found(f"{light}[DG][DGS]*E", both),
+    )
 
 
 # Metals only show what lies about the mirrored direction: lights are not sampled there.

@@ -66,9 +66,10 @@ LIGHTS = {
     "P": {"lights": [PointLight((0, 0, 900), 1e6)]},
 }
 TABLES = [
-    found_by_path(strategy, subpaths=subpaths, of_surface=of_surface, far=far)
+    found_by_path(strategy, subpaths=subpaths, of_surface=of_surface, far=far, by_way=by_way)
     for strategy in ("both", "lights", "directions")
     for subpaths, of_surface, far in product((False, True), repeat=3)
+    for by_way in ("", "K", "LK")
 ]
 
 
@@ -80,23 +81,21 @@ def classes_of(table, path):
     return [row.techniques for row in table if re.fullmatch(row.paths, path)]
 
 
-@pytest.mark.parametrize("table", [*TABLES, FOUND_BY_WHITTED, FOUND_BY_PHOTONS])
-def test_no_path_is_in_two_classes(table):
-    for n in range(LONGEST + 2):
-        for word in words(n):
-            for light in "LPUK":
-                path = f"{light}{word}E"
-                if re.fullmatch("PS*E", path):  # what has no area is never seen
-                    continue
-                assert len(classes_of(table, path)) <= 1, path
+def test_no_path_is_in_two_classes():
+    paths = [f"{light}{word}E" for n in range(LONGEST + 1) for word in words(n) for light in "LPUK"]
+    paths += [f"L{word}E" for word in words(LONGEST, "DGSF") if "DFD" in word]
+    for table in (*set(TABLES), FOUND_BY_WHITTED, FOUND_BY_PHOTONS):
+        for path in paths:
+            assert len(classes_of(table, path)) <= 1, path
 
 
 def path_tracer(light, **options):
     """Return what follows camera paths in a scene of a matt surface, a metal, a mirror and a light."""
     materials = Lambertian(0.9), RoughConductor.of("silver", 0.25), Mirror(0.9)
-    square = Rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0))
     camera = Camera((0, 0, 5), (0, 0, 0), (0, 1, 0), 40, 16, 16)
-    objects = [Object(square, material) for material in materials]
+    # Apart: a mirror on which another surface lies is not sampled.
+    squares = [Rectangle((-1, -1, -z), (2, 0, 0), (0, 2, 0)) for z in range(3)]
+    objects = [Object(*pair) for pair in zip(squares, materials, strict=True)]
     scene = compile_scene(Scene(camera, objects, **LIGHTS[light]))
     own = PathOptions(roulette_depth=100, **options)
     plan = make_plan(scene, INTEGRATORS["path"].with_options(own))
@@ -321,6 +320,16 @@ def test_path_finds_each_class_by_its_techniques(light, options):
                 continue
             (expected,) = classes_of(table, f"{light}{word}E") or [()]
             assert techniques(word, walk, stored) == set(expected), word
+
+
+def test_without_light_subpaths_lamps_are_reached_by_way_of_mirrors():
+    tracer = path_tracer("L")
+    tracer._leave_out_light_paths()
+    walk, table = Walk(tracer, "L"), found_by_path("both", subpaths=False, by_way="L")
+    for n in range(LONGEST + 1):
+        for word in words(n):
+            (expected,) = classes_of(table, f"L{word}E")
+            assert techniques(word, walk, set()) == set(expected), word
 
 
 def test_light_subpaths_of_bent_lamps_begin_at_no_narrow_surface():
