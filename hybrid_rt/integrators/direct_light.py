@@ -198,14 +198,7 @@ class SurfaceLight:
         return self._pdf_area(hits, self._light_met(hits), origins, pdf, connection_pdf)
 
     def points_of_one(self, hits: HitRecord, xi: FloatArray) -> LightPoints:
-        """Sample points on the lights of kind `SURFACE` that next-event estimation chooses.
-
-        Parameters
-        ----------
-        hits : HitRecord of n rows
-        xi : (n, 2) float64 in [0, 1), changed
-            As in `from_one`.
-        """
+        """Sample points on the lights of kind `SURFACE` that next-event estimation chooses; see `from_one`."""
         light = self._choose(xi)
         return seen_points(self._context.scene, hits.position, self.material(hits), light, xi)
 
@@ -226,15 +219,8 @@ class SurfaceLight:
             return NO_NORMALS
         normal = np.empty_like(hits.normal)
         shading_normals(
-            self.meshes,
-            hits.object_id,
-            hits.patch_id,
-            hits.u,
-            hits.v,
-            directions,
-            hits.normal,
-            normal,
-        )
+            self.meshes, hits.object_id, hits.patch_id, hits.u, hits.v, directions, hits.normal, normal
+        )  # fmt: skip
         return normal
 
     def from_one(
@@ -305,16 +291,7 @@ class SurfaceLight:
         return n
 
     def add_unblocked(self, rays: ShadowRays, n_rays: int, radiance: FloatArray) -> None:
-        """Trace shadow rays; add the values of the unoccluded ones.
-
-        Parameters
-        ----------
-        rays : ShadowRays
-        n_rays : int
-            Number of rows to use.
-        radiance : (rows, 3) float64, changed
-            Rows ``rays.camera_ray`` are added to.
-        """
+        """Trace the first shadow rays; add the values of the unoccluded ones to their rows of ``radiance``."""
         if n_rays == 0:
             return
         context = self._context

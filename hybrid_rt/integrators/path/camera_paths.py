@@ -17,15 +17,8 @@ from hybrid_rt.shading.kernels.lobes.register import DELTA, TRANSMITS
 def new_paths(n: int, media_depth: int, has_light_paths: bool, samples_specular: bool) -> Paths:
     """Allocate n paths.
 
-    Parameters
-    ----------
-    n : int
-    media_depth : int
-        `STACK`, or 0 without dielectrics.
-    has_light_paths : bool
-        Whether they are weighted against light subpaths.
-    samples_specular : bool
-        Whether lamps are reached by way of mirrors and glass.
+    ``media_depth``: `STACK`, or 0 without dielectrics. ``has_light_paths``: they are weighted against light
+    subpaths. ``samples_specular``: lamps are reached by way of mirrors and glass.
     """
     media, anchor = f"({media_depth},)i4", f"({N_COLUMNS},)f8"
     form = f"i8, u8, u8, 3f8, 3f8, 3f8, f8, f8, i1, f8, {media}, i4, ?, ?, i1, {anchor}"

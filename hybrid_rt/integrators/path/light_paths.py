@@ -61,76 +61,34 @@ LINE = 64
 
 @dataclass(frozen=True)
 class LightVertexPasses:
-    """The light vertices of some passes, or of a part of one, and their splats.
-
-    Attributes
-    ----------
-    passes : range
-    points : LightVertices
-        Those that camera paths are connected to, in the order of the passes.
-    offsets : (passes + 1,) int64
-        First row of each pass.
-    first_splat : (passes + 1,) int64
-        First splat of each pass.
-    pixel : (splats,) int64
-        The pixel that sees a light vertex; -1: none.
-    value : (splats, 3) float64
-        Radiance splatted there.
-    """
+    """The light vertices of some passes, or of a part of one, and their splats."""
 
     passes: range
-    points: LightVertices
-    offsets: NDArray[np.int64]
-    first_splat: NDArray[np.int64]
-    pixel: NDArray[np.int64]
-    value: FloatArray
+    points: LightVertices  # those that camera paths are connected to, in the order of the passes
+    offsets: NDArray[np.int64]  # (passes + 1,), first row of each pass
+    first_splat: NDArray[np.int64]  # (passes + 1,), first splat of each pass
+    pixel: NDArray[np.int64]  # (splats,), that sees a light vertex; -1: none
+    value: FloatArray  # (splats, 3), radiance splatted there
 
 
 class LightOfPasses(NamedTuple):
-    """The light vertices that the camera paths of some passes are connected with.
-
-    Attributes
-    ----------
-    first_pass : int
-    points : LightVertices
-        See `packed`.
-    first_of_pass : (passes + 1,) int64
-        First row of each pass.
-    candidates, first_group : ndarray
-        See `candidates_of`.
-    """
+    """The light vertices that the camera paths of some passes are connected with."""
 
     first_pass: int
-    points: LightVertices
-    first_of_pass: IntArray
-    candidates: FloatArray
+    points: LightVertices  # see `packed`
+    first_of_pass: IntArray  # (passes + 1,), first row of each pass
+    candidates: FloatArray  # see `candidates_of`
     first_group: IntArray
 
 
 class LightPathTracer:
     """Traces light subpaths, pass by pass; each pass is a pure function of seed and number.
 
-    Parameters
-    ----------
-    context : RenderContext
-    light : SurfaceLight
-    contacts : Contacts or None
-        None if no dielectric touches another surface.
-    around_camera : MediaAroundCamera
-    options : PathOptions
-        Number of light subpaths.
-    keeps_all : bool
-        Whether the vertices of all light are kept, not only of what mirrors and lenses throw.
-
-    Attributes
-    ----------
-    n_paths : int
-        Light subpaths per pass.
-    is_smooth : (objects,) bool
-        Objects with interpolated shading normals.
-    keeps_all : bool
-    min_distance : float
-        Distance from which on light is found by connections alone; inf until it is estimated.
+    ``contacts``: None if no dielectric touches another surface.
+    ``keeps_all``: the vertices of all light are kept, not only of what mirrors and lenses throw.
+    ``n_paths``: light subpaths per pass.
+    ``is_smooth`` (objects,) bool: objects with interpolated shading normals.
+    ``min_distance``: from which on light is found by connections alone; inf until it is estimated.
     """
 
     def __init__(

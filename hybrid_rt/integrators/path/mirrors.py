@@ -25,12 +25,7 @@ def mirrors_of(scene: CompiledScene, *, alone: bool, wanted: bool = True) -> Mir
 
     Those on which another flat surface lies are left out: a shadow ray that ends in both would not
     tell which of them is there.
-
-    Parameters
-    ----------
-    scene : CompiledScene
-    alone : bool
-        Whether mirrors in part are left out, which spread light as well.
+    ``alone``: mirrors in part, which spread light as well, are left out too.
     """
     rows = {}
     for i, surface in enumerate(scene.surfaces if wanted else []):

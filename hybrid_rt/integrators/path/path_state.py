@@ -32,19 +32,9 @@ def new_vertex(
 ) -> Vertex:
     """Allocate a vertex.
 
-    Parameters
-    ----------
-    hit : Record of one row
-    n_slots : int
-        Lobes of a material at most.
-    smooth : bool
-        Whether shading normals may differ from geometric ones.
-    contacts : bool
-        Whether faces may coincide.
-    shining : bool
-        Whether there are lights of kind `SURFACE`.
-    rough : bool
-        Whether there is rough glass.
+    ``hit``, Record of one row; ``n_slots``: lobes of a material at most.
+    ``smooth``: shading normals may differ from geometric ones. ``contacts``: faces may coincide.
+    ``shining``: there are lights of kind `SURFACE`. ``rough``: there is rough glass.
     """
     return Vertex(
         hit=hit,

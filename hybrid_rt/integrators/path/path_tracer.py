@@ -103,12 +103,7 @@ NO_NUMBER = np.zeros(0, dtype=np.int64)
 
 
 class PathTracer(Integrator):
-    """See the module; `Integrator` for what it offers.
-
-    Parameters
-    ----------
-    context : RenderContext
-    """
+    """See the module; `Integrator` for what it offers."""
 
     def __init__(self, context: RenderContext) -> None:
         super().__init__(context)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from hybrid_rt.integrators.declaration import Declaration
@@ -45,13 +46,10 @@ PPM = Declaration(
     without_light_paths=WHY_NO_LIGHT_PATHS,
     sends_photons=True,
 )
-PHOTON_MAP = Declaration(
+PHOTON_MAP = replace(
+    PPM,
     name="photon_map",
     make=_make_photon_map,
-    finds=lambda _: paths_found(FOUND_BY_PHOTONS),
     options=PhotonMapOptions,
-    refuse=_refuse,
-    without_light_paths=WHY_NO_LIGHT_PATHS,
-    sends_photons=True,
     keeps_caustic_map=True,
 )

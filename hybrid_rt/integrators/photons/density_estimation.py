@@ -172,17 +172,9 @@ class Radii:
     ) -> Radii:
         """Return radii from the distances between photons.
 
-        Parameters
-        ----------
-        photons : Photons
-            The first photons.
-        share : float
-            Their number over that of a pass.
-        camera : Projection
-            Discs are at least as wide as its pixels: smaller ones add noise and no resolution.
-        extent : float
-            Size of the scene; where photons are very sparse, the radius is a fraction of it.
-        threads : int
+        ``photons``: the first ones; ``share``: their number over that of a pass. Discs are at least as wide
+        as the pixels of ``camera``: smaller ones add noise and no resolution. Where photons are very
+        sparse, the radius is a fraction of ``extent``, the size of the scene.
         """
         position = photons.position
         if len(position) <= 2 * _neighbours(share):
