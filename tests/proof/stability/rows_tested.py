@@ -235,7 +235,7 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
     ("F11", "point light by way of a mirror or glass", "closed form of the image; named if left out", (
         f"{LIGHT_FOUND}light_is_found_as_declared",
         f"{LIGHT_FOUND}what_is_left_out_is_named_once_with_the_shortest_paths",
-        "integrators/photons/test_unfound_light.py::test_it_is_that_of_the_lamps_image",
+        "integrators/probes/test_unfound_light.py::test_it_is_that_of_the_lamps_image",
     )),
     ("D08", "pictures of one pixel, of one row, of none", "closed form; refusals", (
         f"{EXTREMES}in_even_light_every_pixel_of_the_smallest_pictures_shows_it",

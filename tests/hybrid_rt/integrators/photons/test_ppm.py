@@ -16,7 +16,7 @@ from hybrid_rt.integrators.photons import (
 from hybrid_rt.integrators.photons import (
     photon_workers,
 )
-from hybrid_rt.integrators.photons.photon_groups import Group, sequence_of
+from hybrid_rt.integrators.photons.emission import Group, sequence_of
 from hybrid_rt.integrators.photons.ppm import radius_factor
 from hybrid_rt.integrators.shading import NO_NORMALS
 from hybrid_rt.lights import GradientSky, ImageEnvironment, PointLight, RectangleLight, SphereLight

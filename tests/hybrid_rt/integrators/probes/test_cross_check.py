@@ -25,9 +25,9 @@ from hybrid_rt import (
     SpotLight,
     render,
 )
-from hybrid_rt.integrators.photons import cross_check
-from hybrid_rt.integrators.photons.cross_check import _least
-from hybrid_rt.integrators.photons.probe import Probe
+from hybrid_rt.integrators.probes import cross_check
+from hybrid_rt.integrators.probes.cross_check import _least
+from hybrid_rt.integrators.probes.probe import Probe
 from hybrid_rt.sensor.film import REGIONS, Film, regions_of
 
 
