@@ -342,10 +342,11 @@ def _turned(
     """Return the surfaces of a turned profile: one for each run of radii of one sign."""
     origin, axis, x = frame
     size = max(float(np.abs(s.points).max()) for s in segments)
+    low, high = extent(loops)[:, 1].tolist()
     for k in (0, -1):
         s = segments[k]
         speed = float(_lengths(s.points)) / (s.end - s.begin)
-        longer = _reaching(s, _padded(*extent(loops)[:, 1], face.gap / speed)[k])
+        longer = _reaching(s, _padded(low, high, face.gap / speed)[k])
         # What ends at the axis does not go on beyond it.
         if s.points[k, 1] * longer.points[k, 1] > (NEARLY_ZERO * size) ** 2:
             segments[k] = longer
