@@ -51,11 +51,10 @@ ALPHA = {"teapot_ppm": 0.85, "wine_glass": 0.9}
 QUALITY = 90
 HEAD = """# Gallery
 
-Every scene of the project, rendered by `tools/gallery.py`. Below each picture stands what it cost and
-how far it may be off: the *noise* is the relative root-mean-square error of the pixels, estimated from
-the differences between passes, first without the worst 0.1 % of them and then, in brackets, with these:
-a few glints of a tiny bright lamp can make that figure huge. Where photons are gathered, their *blur*,
-or a limit to it, comes beside it. Nothing is denoised.
+Every scene of the project, rendered by `tools/gallery.py`, at most 1280 pixels wide or high. Below each image stands what it
+cost in processor time and how far it may be off: the *noise* is the relative RMSE, first without [the worst 0.1 % of
+the pixels](howto/noise.md#the-worst-01--of-the-pixels), then, in brackets, with them. Where photons are gathered their
+*blur*, or a limit to it, follows. Nothing is denoised.
 """
 
 
@@ -91,11 +90,12 @@ def main() -> int:
 
 
 def write_page(out: Path, record: dict[str, Any]) -> None:
-    """Write the page: the scenes in their order, and after the first one the strip, if there is one."""
+    """Write the page: the scenes in their order, after the first one the strip and the parts, if they are there."""
     sections = [section(name, record[name]) for name in sorted(record, key=place)]
-    strip = out / PICTURES / "strip.json"
-    if strip.exists():
-        sections.insert(1, strip_section(json.loads(strip.read_text("utf-8"))))
+    for name, section_of in (("parts", parts_section), ("strip", strip_section)):
+        facts = out / PICTURES / f"{name}.json"
+        if facts.exists():
+            sections.insert(1, section_of(json.loads(facts.read_text("utf-8"))))
     with replacing(out / PAGE) as file:
         file.write((HEAD + "".join(f"\n{text}" for text in sections)).encode())
 
@@ -174,7 +174,6 @@ def spent_on(store: Path, seconds: float | None = None) -> float:
 
 def row(name: str, facts: dict[str, Any]) -> str:
     """Put the facts of one picture into a line."""
-    width, height = facts["size"]
     passes = passes_in_words(facts["passes"])
     if facts["photons"]:
         passes += f" of {facts['photons']:,} photons"
@@ -193,8 +192,8 @@ def row(name: str, facts: dict[str, Any]) -> str:
         unit = "stop" if facts["exposure"] == 1.0 else "stops"
         stops = f", shown {facts['exposure']:g} {unit} brighter"
     return (
-        f"`scenes/{name}.py`: `{facts['integrator']}`, {width} x {height}, {passes}, "
-        f"{facts['processor_seconds']:.0f} s of processor time; {noise}{stops}"
+        f"`scenes/{name}.py`: `{facts['integrator']}`, {passes}, "
+        f"{facts['processor_seconds']:.0f} s; {noise}{stops}"
     )
 
 
@@ -221,10 +220,22 @@ def strip_section(panels: list[dict[str, Any]]) -> str:
             f"{per_cent(panel['difference']) if panel['difference'] else ''} |\n"
         )
     return text + (
-        "\n`tools/mesh_or_exact.py`: `scenes/crystal.py` from close by. Tolerances are in scene units, of "
-        "which the glass is 3.3\nhigh. Difference: relative RMSE of the means over 8 x 8 pixels, in which "
-        "noise mostly averages out, after\nvalues above white are clipped to 1. More passes remove the noise "
-        "of all three, and none of what the facets do.\n"
+        "\n`tools/mesh_or_exact.py`: `scenes/crystal.py` from close by. Tolerances are in scene units; the "
+        "glass is 3.3 high.\nDifference: relative RMSE of the means over 8 x 8 pixels, in which noise mostly "
+        "averages out. More passes remove the\nnoise of all three, and none of what the facets do.\n"
+    )
+
+
+def parts_section(facts: dict[str, Any]) -> str:
+    """Put the picture of a CAD part on the page."""
+    (low, high), unit, limit = facts["thickness"], facts["unit"], facts["deviation"]
+    return (
+        "## A NIST part from its STEP file: the thickness of its walls; bent, and measured against the file\n\n"
+        "![parts](gallery/parts.webp)\n\n"
+        f"Left: from {low:.3g} (red) to {high:.3g} {unit} (blue), by a certified ray from each pixel; grey: no "
+        "wall opposite\n([part reports](howto/part.md)). "
+        f"Right: signed distances from {-limit:.2g} (blue) to {limit:.2g} {unit} (red), each with a proven\n"
+        f"bound ([deviations](howto/deviation.md)). `tools/part_pictures.py` drew them from `{facts['model']}`.\n"
     )
 
 
