@@ -7,7 +7,6 @@ import hybrid_rt as rt
 from hybrid_rt import demo
 from hybrid_rt.core.one_line import WIDEST
 from hybrid_rt.core.records import HitRecord
-from meshing import BezierPatches, SurfaceOfRevolution, tessellate
 
 UP = (0.0, 0.0, 1.0)
 LONG = (1.0 / 3.0, -2000.0 / 7.0, 1e-5 / 3.0)
@@ -16,40 +15,22 @@ IMAGE = np.full((4, 6, 3), 0.25)
 BALL = rt.Sphere((0, 0, 0), 1)
 
 DESCRIBED = [
-    (rt.Lambertian(0.5), "Lambertian(0.5)"),
     (rt.Lambertian((0.1, 0.2, 1 / 3)), "Lambertian((0.1, 0.2, 0.333333))"),
     (rt.Lambertian(rt.ImageTexture(IMAGE)), "Lambertian(ImageTexture(6 x 4, wrap='repeat'))"),
     (rt.CheckerTexture(0, (1, 0.5, 0), (2, 3), "uv"),
      "CheckerTexture(0, (1, 0.5, 0), scale=(2, 3), space='uv')"),
-    (rt.CheckerTexture(0, 1, 6), "CheckerTexture(0, 1, scale=6, space='world')"),
-    (rt.Mirror(), "Mirror(1)"),
     (rt.Metal(0.8, 0.3), "Metal(0.8, fuzz=0.3)"),
-    (rt.Metal(0.8), "Metal(0.8, fuzz=0)"),
     (rt.Phong(0.5, (0.2, 0.3, 0.4), 60), "Phong(0.5, (0.2, 0.3, 0.4), exponent=60)"),
-    (rt.Dielectric(), "Dielectric(1.5)"),
     (rt.Dielectric(1.3, (0.1, 0, 0.2), 0.9, schlick=True, priority=2),
      "Dielectric(1.3, absorption=(0.1, 0, 0.2), tint=0.9, priority=2, schlick=True)"),
-    (rt.RoughDielectric(1.5, 0.3, 0.1), "RoughDielectric(1.5, roughness=0.3, absorption=0.1)"),
-    (rt.RoughConductor(0.2, (3, 4, 5), 0.4), "RoughConductor(eta=0.2, k=(3, 4, 5), roughness=0.4)"),
     (rt.Emissive(2, rt.Mirror(0.5)), "Emissive(2, base=Mirror(0.5))"),
-    (rt.Emissive((1, 2, 3)), "Emissive((1, 2, 3))"),
     (rt.Mix([(0.7, rt.Lambertian(0.5)), (0.3, rt.Mirror())]),
      "Mix(((0.7, Lambertian(0.5)), (0.3, Mirror(1))))"),
-    (rt.PointLight((1, 2, 3), 5), "PointLight((1, 2, 3), intensity=5)"),
     (rt.SpotLight((1, 2, 3), (0, 0, -2), (1, 2, 3), 30, 5),
      "SpotLight((1, 2, 3), (0, 0, -1), intensity=(1, 2, 3), cone_angle=30, edge_angle=5)"),
-    (rt.SphereLight((1, 2, 3), 0.5, 7), "SphereLight((1, 2, 3), radius=0.5, radiance=7)"),
-    (rt.RectangleLight((0, 0, 0), (1, 0, 0), (0, 1, 0), 7),
-     "RectangleLight((0, 0, 0), (1, 0, 0), (0, 1, 0), radiance=7)"),
-    (rt.GradientSky(0.1, (0.2, 0.3, 0.4), UP), "GradientSky(0.1, (0.2, 0.3, 0.4), up=(0, 0, 1))"),
-    (rt.ImageEnvironment(IMAGE, UP), "ImageEnvironment(6 x 4, up=(0, 0, 1))"),
     (CAMERA, "Camera((1, -12, 5.4), (0.4, 0.3, 1.5), (0, 0, 1), vertical_fov=34, width=64, height=48)"),
-    (rt.Camera((0, 0, 0), (1, 0, 0), UP, 30, 8, 6, aperture=0.1, focus_distance=4),
-     ("Camera((0, 0, 0), (1, 0, 0), (0, 0, 1), vertical_fov=30, width=8, height=6, aperture=0.1, "
-     "focus_distance=4)")),
     (rt.Object(BALL, rt.Mirror(), "ball"),
      "Object(Sphere(center=[0.0, 0.0, 0.0], radius=1.0), Mirror(1), name='ball')"),
-    (rt.Scene(CAMERA), "Scene(0 objects, 0 lights, camera 64 x 48)"),
     (demo.scene(), "Scene(5 objects, 2 lights, GradientSky, camera 640 x 480)"),
 ]  # fmt: skip
 
@@ -79,25 +60,6 @@ def test_a_line_is_a_line(thing):
     assert "\n" not in line
     assert line.startswith(f"{type(thing).__name__}(")
     assert line.endswith(")")
-
-
-def test_a_mesh_says_how_fine_it_is():
-    mesh = tessellate(BezierPatches([[[[0, 0, 0], [1, 0, 0]], [[0, 1, 0], [1, 1, 0]]]]), 0.5)
-    assert repr(mesh).startswith("CertifiedMesh(2 triangles, 4 vertices, deviation at most ")
-    assert len(repr(mesh)) <= WIDEST
-
-
-def test_profiles_say_which_segments_are_rational():
-    profile = [[(0, 2), (1, 2)], [(1, 2), (2, 2), (2, 1)]]
-    for weights, words in (
-        (None, "2 segments of degrees 1 to 2 about"),
-        ([None, [1, 0.7, 1]], "2 segments of degrees 1 to 2, 1 of them rational, about"),
-        ([[1, 2], [1, 0.7, 1]], "2 segments of degrees 1 to 2, rational, about"),
-    ):
-        part = SurfaceOfRevolution(profile, (0, 0, 0), UP, weights=weights)
-        assert repr(part).startswith(f"SurfaceOfRevolution({words} [0.0, 0.0, 1.0]")
-    bent = SurfaceOfRevolution([(0, 1), (1, 2), (2, 1)], (0, 0, 0), UP)
-    assert repr(bent).startswith("SurfaceOfRevolution(1 segment of degree 2 about")
 
 
 def test_an_intersector_says_what_it_holds():
@@ -136,20 +98,9 @@ class TestHitRecord:
         assert repr(misses) == "HitRecord(1 ray, 0 hit: 1 MISS)"
         assert repr(misses[[]]) == "HitRecord(0 rays, 0 hit)"
 
-    def test_what_is_not_proven_is_infinite(self):
-        tracer = rt.Intersector(demo.teapot(), accuracy="mesh", threads=1)
-        hits = tracer.intersect((0, -10, 1.2), (0, 1, 0))
-        assert repr(hits).endswith("t_bound up to inf)")
-
     def test_millions_fit(self):
         n = 12_345_678
         one = rt.Intersector(BALL, threads=1).intersect((0, -3e9, 0), (0, 1, 0))
         columns = [np.broadcast_to(getattr(one, k), (n, *getattr(one, k).shape[1:]))
                    for k in HitRecord.__dataclass_fields__]  # fmt: skip
         assert len(repr(HitRecord(*columns))) <= WIDEST
-
-
-def test_angles_of_wide_spots():
-    assert repr(rt.SpotLight((0, 0, 0), UP, 1, 180, 180)).endswith(
-        "cone_angle=180, edge_angle=180)"
-    )

@@ -166,22 +166,6 @@ class TestBias:
         )
         assert "alone 10 % +- 1.0 % (95 %, by 2,000 photons) of its mean" in advice.details[0]
 
-    @pytest.mark.parametrize(("measured", "words"), [
-        ((0.02, 0.002, None, ""), "alone 0.02 +- 0.002 (95 %, by 2,000 photons); it is black."),
-        ((None, None, None, "of 2,000 photons none reach the camera"),
-         "is not known (of 2,000 photons none reach the camera)."),
-    ])  # fmt: skip
-    def test_size_that_photons_do_not_tell(self, mirror_room, measured, words):
-        names = ("mean", "half_interval_95", "share_of_image_mean", "why_unknown")
-        lacks = replace(
-            mirror_room.reference,
-            own_error=0.001,
-            light_not_found=["light (PSDE)"],
-            measured=dict(zip(names, measured, strict=True), photons=2000),
-        )
-        advice = advise(replace(mirror_room, reference=lacks), 0.1, "room.py")
-        assert words in advice.details[0]
-
     def test_proofs_of_bias(self):
         """A picture too dark by a tenth everywhere, once with noise that differs between runs."""
         truth = np.full((32, 32, 3), 0.5, np.float32)

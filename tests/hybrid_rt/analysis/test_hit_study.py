@@ -8,9 +8,8 @@ import pytest
 from studied import SCENE, TUBE
 
 from hybrid_rt import Intersector, Torus
-from hybrid_rt.analysis import answers, hit_study, study_diagrams, tables
-from hybrid_rt.analysis.hit_study import RULE_OF_THREE, camera_rays, study_hits
-from hybrid_rt.analysis.methods import size_of
+from hybrid_rt.analysis import answers, hit_study, tables
+from hybrid_rt.analysis.hit_study import camera_rays, study_hits
 from hybrid_rt.intersection.hit_errors import certified_hits
 from meshing import SurfaceOfRevolution, TrimmedSurface, polygon
 
@@ -113,27 +112,6 @@ class TestHits:
         assert curves["refined"][0].more["mean_dt"] < 1e-14
         assert math.isinf(curves["certified, no Embree"][0].setting)
 
-    def test_answers_and_diagrams(self, tube):
-        cost, share, mesh, newton = answers.hit_answers(tube)
-        assert "us a ray" in cost
-        assert f"Of {tube.judged:,} judged rays" in share
-        assert "triangles^-" in mesh
-        marks = [m for line in study_diagrams.hit_diagram(tube.curves, 9).lines for m in line.marks]
-        n_none = sum(p.error.median == 0.0 for c in tube.curves for p in c.points)
-        assert len(marks) == sum(len(curve.points) for curve in tube.curves)
-        assert sum(mark.is_limit for mark in marks) == n_none
-        limits = {mark.y[0] for mark in marks if mark.is_limit}
-        assert limits == {100.0 * (RULE_OF_THREE / 9)}
-        for table in (tables.hit_table(tube.curves), tables.newton_table(tube)):
-            assert all(len(row) == len(table.head) for row in table.rows)
-            words = " ".join(table.words)
-            assert all(f"{word}:" in words for word in ("us a ray", "missed", "phantom", "farther"))
-            assert table.words[-1] in " ".join(tables.in_text(table).split())
-
-        assert "before the first step" in newton
-        for diagram in study_diagrams.newton_diagrams(tube.newton, tube.size):
-            assert [len(line.marks) for line in diagram.lines] == [6] * len(tube.newton)
-
     def test_newton_mends_distances_and_no_decisions(self, tube):
         curves = {curve.name: curve.points for curve in tube.curves}
         # Rounding may decide one ray otherwise; triangles are met in float32 here, there in float64.
@@ -148,6 +126,3 @@ class TestHits:
             assert points[-1].error.median == pytest.approx(refined.error.median, abs=one_ray)
             assert points[-1].more["mean_dt"] < 1e-13
             assert points[-1].more["worst_residual"] < 1e-12
-
-    def test_size_is_the_diagonal(self):
-        assert size_of([TUBE]) == pytest.approx(math.sqrt(12), rel=1e-9)

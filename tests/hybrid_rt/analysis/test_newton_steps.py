@@ -61,15 +61,6 @@ def test_none_is_the_mesh_and_many_are_the_refined_hits(surfaces):
         assert hits.residual[both].max() < (2 * tolerance if steps == 0 else 1e-6)
 
 
-def test_threads_change_nothing():
-    rays = camera([BARREL], 70_000, 5)
-    one, two = (
-        SteppedHits([BARREL], 0.01, threads=n).intersect(rays.origins, rays.directions, 2)
-        for n in (1, 2)
-    )
-    np.testing.assert_array_equal(one.t, two.t)
-
-
 def test_surfaces_without_steps_are_refused():
     with pytest.raises(TypeError, match=r"surfaces\[0\] is a Sphere: pass patches and surfaces of"):
         SteppedHits([Sphere((0, 0, 0), 1)], 0.1)

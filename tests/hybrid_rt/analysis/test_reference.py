@@ -84,31 +84,6 @@ class TestReference:
         assert found.target == 0.15
         assert "--reference-passes 400, about 12 s instead of 3.0 s" in found.details[-1]
 
-    def test_fewer_passes_of_photons_are_not_promised_more_than_noise_allows(self, room):
-        """ppm, off by 3 % after 100 passes, for 4 times that: 100 / 16 passes, not 100 / 4^3."""
-        check = {"made_by": "ppm, 100 passes", "passes": 100, "seconds": 5.0, "own_error": 0.03}
-        own = replace(room.reference, own_error=0.5, passes=400, seconds=900.0, check=check)
-        todo = advise(replace(room, reference=own), 0.36, "r.py").details[-1]
-        assert "--reference-by ppm --reference-passes 7," in todo
-
-    def test_a_longer_reference_is_counted_with_its_check(self, room):
-        """Photons were to check with a quarter of the passes, and became the reference.
-
-        Asked for themselves they make all passes, and paths a quarter: 100 instead of 400.
-        """
-        own = replace(
-            room.reference,
-            made_by="ppm, certified, 100 passes",
-            own_error=0.04,
-            passes=100,
-            seconds=30.0,
-            check={"made_by": "path, 400 passes", "passes": 400, "seconds": 4.0, "own_error": 0.2},
-            power=1.0,
-        )
-        found = advise(replace(room, reference=own), 0.06, "r.py")
-        said = "--reference-by ppm --reference-passes 400, about 2.0 min instead of 34 s"
-        assert said in found.details[-1]
-
     def test_the_longer_reference_is_by_the_method_that_needs_less_time(self, room):
         """Paths are off by 8 % after 400 passes: they need 16 times as many, and photons 4 times.
 

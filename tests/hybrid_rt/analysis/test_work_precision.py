@@ -7,7 +7,6 @@ import os
 import re
 import signal
 import time
-from dataclasses import replace
 from xml.etree import ElementTree
 
 import imageio.v3 as imageio
@@ -15,9 +14,8 @@ import numpy as np
 import pytest
 from studied import SCENE
 
-from hybrid_rt.analysis import answers, study_diagrams, study_runs, tables, work_precision
+from hybrid_rt.analysis import answers, study_diagrams, tables, work_precision
 from hybrid_rt.analysis.advice import advise
-from hybrid_rt.analysis.curves import Curve, Spread, renamed, spread
 from hybrid_rt.analysis.method_forecast import forecasts_of
 from hybrid_rt.analysis.methods import Method
 from hybrid_rt.analysis.page import Study, page
@@ -29,11 +27,6 @@ from hybrid_rt.materials import Emissive, Lambertian
 from hybrid_rt.primitives import Box
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
-
-
-def test_spread_and_names():
-    assert spread([3.0, 1.0, 2.0]) == Spread(2.0, 1.0, 3.0, (3.0, 1.0, 2.0))
-    assert renamed([Curve("law", "", [])], "A")[0].name == "A: law"
 
 
 class TestNextPasses:
@@ -91,14 +84,6 @@ class TestPictures:
         assert all(f.seconds.least <= f.seconds.median <= f.seconds.most for f in found)
         assert all(f.bias == 0.0 for f in found)
 
-    def test_curves_without_an_error_cannot_be_drawn(self, room):
-        none = Spread(0.0, 0.0, 0.0)
-        curves = [
-            replace(c, points=[replace(p, error=none) for p in c.points]) for c in room.curves
-        ]
-        with pytest.raises(ValueError, match="all are equal to the reference"):
-            study_diagrams.picture_diagram(curves, math.nan)
-
     def test_page_needs_no_other_file(self, room):
         advice = advise(room, 0.05, "a <room>.py")
         diagram = study_diagrams.picture_diagram(room.curves, room.reference.own_error)
@@ -125,25 +110,6 @@ class TestPictures:
                 continue
             assert kind == "data:image/png;base64"
             assert imageio.imread(io.BytesIO(file)).shape == (12, 16, 3)
-
-
-def test_an_interrupt_before_the_figures_of_a_picture_loses_no_other(monkeypatch):
-    walls = Object(Box((-1, -1, -1), (1, 1, 1)).flipped(), Emissive(1.0, Lambertian(0.5)))
-    scene = Scene(Camera((0, 0, 0), (1, 0.2, 0.1), (0, 0, 1), 90, 16, 12), [walls])
-    truth = Picture("truth", np.full((12, 16, 3), 2.0, np.float32), None, None)
-    errors, calls = study_runs.picture_errors, []
-
-    def interrupted(*pictures):
-        calls.append(pictures)
-        if len(calls) == 2:
-            raise KeyboardInterrupt
-        return errors(*pictures)
-
-    monkeypatch.setattr(study_runs, "picture_errors", interrupted)
-    methods = [Method("path", "path"), Method("again", "path")]
-    with pytest.raises(StudyInterrupted) as caught:
-        study_picture(scene, (4, 16), runs=2, reference=truth, methods=methods, threads=1)
-    assert [curve.name for curve in caught.value.study.curves] == ["path"]
 
 
 def test_a_second_ctrl_c_does_not_take_what_was_measured(monkeypatch):

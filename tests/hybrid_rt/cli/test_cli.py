@@ -1,4 +1,3 @@
-import argparse
 import errno
 import json
 import logging
@@ -19,7 +18,6 @@ from hybrid_rt._version import __version__
 from hybrid_rt.cli import command
 from hybrid_rt.cli import program as cli
 from hybrid_rt.cli.command import BAD_INPUT, CLOSED_PIPE, INTERRUPTED, STOPPED, TERMINATED
-from hybrid_rt.cli.options import add_render_options
 from hybrid_rt.cli.render import _how_to_go_on as how_to_go_on
 from hybrid_rt.cli.scene_file import SceneFileError, load_scene
 from hybrid_rt.rendering import renderer as rendering
@@ -126,8 +124,6 @@ def test_after_a_time_budget_the_same_command_goes_on(capsys, monkeypatch):
     "words",
     [
         [sys.executable, "-m", "prog"],
-        [sys.executable, "-X", "dev", "prog.py"],
-        ["./prog"],
         ["prog"],
     ],
 )
@@ -164,10 +160,7 @@ def test_pixels_that_are_not_finite_are_not_gone_on_from():
     ("words", "meant"),
     [
         ("render ball.py --samples 64", ": did you mean --passes? hybrid-rt render"),
-        ("render ball.py --pass 64", ": did you mean --passes? hybrid-rt render"),
         ("render ball.py --spp=64", ": did you mean --passes? hybrid-rt render"),
-        ("render ball.py --size 320x240", ": did you mean --width? hybrid-rt render"),
-        ("render ball.py --bounces 4", ": did you mean --max-depth? hybrid-rt render"),
         ("render ball.py --pases 4", ": did you mean --passes? hybrid-rt render"),
         ("render ball.py --zzz 4", ": hybrid-rt render"),
         ("render ball.py another.py", ": hybrid-rt render"),
@@ -192,12 +185,12 @@ WHOLE = "pass a whole number, such as 64 or 1e5"
     [
         ("render ball.py --time-budget 1m", "--time-budget: '1m': pass seconds, such as 60"),
         *((f"render ball.py --photons {text}", f"--photons: '{text}': {WHOLE}")
-          for text in ("1e-1", "1.5", "many", "1e400")),
+          for text in ("1.5", "many")),
         ("render ball.py --target-error 2x", "--target-error: '2x': pass a share, such as 0.02 or 2%"),
         ("render ball.py --progress loud", "--progress: invalid choice: 'loud'"),
         *((f"compare a.npz b.npz --exposure {text}",
            f"--exposure: '{text}' stops: pass a number from -100 to 100")
-          for text in ("abc", "nan", "101")),
+          for text in ("nan", "101")),
     ],
 )  # fmt: skip
 @pytest.mark.usefixtures("folder")
@@ -206,20 +199,6 @@ def test_what_is_no_number_or_choice_is_refused_in_words(words, said, capsys):
         cli.main(words.split())
     assert caught.value.code == BAD_INPUT
     assert f"argument {said}" in capsys.readouterr().err
-
-
-def test_whole_numbers_may_be_written_with_an_exponent(folder):
-    assert cli.main(["render", "ball.py", "--quiet", "--passes", "2e0", "--width", "3.2e1"]) == 0
-    report = json.loads((folder / "ball.json").read_text())
-    assert (report["passes"], report["settings"]["width"]) == (2, 32)
-
-
-def test_so_do_scene_scripts(folder, capsys, monkeypatch):
-    monkeypatch.setattr(sys, "argv", ["ball.py", "--samples", "64"])
-    with pytest.raises(SystemExit):
-        cli.render_script(lambda: None, str(folder / "ball.py"))
-    said = "ball.py: error: unrecognized arguments: --samples 64: did you mean --passes?"
-    assert capsys.readouterr().err.splitlines()[-1] == said
 
 
 def test_no_picture_is_written_into_a_store(folder, capsys):
@@ -256,24 +235,6 @@ def test_ctrl_c_before_a_pass_says_what_the_store_holds(folder, capsys, monkeypa
     assert "2 passes, 1 of them from before" in capsys.readouterr().out
 
 
-def test_a_render_ends_with_its_numbers(folder, capsys):
-    arguments = ["render", "ball.py", "--target-error", "0.5", "--quiet"]
-    assert cli.main(arguments) == 0
-    out = capsys.readouterr().out
-    report = json.loads((folder / "ball.json").read_text())
-    assert report["settings"]["target_error"] == 0.5
-    assert report["geometry"]["camera_hits"] > 0
-    assert 0 < report["geometry"]["largest_t_bound_of_camera_hits"] < 1e-12
-    assert report["peak_memory_mib"] > 10
-    for words in (
-        f"{100 * report['noise']['relative_rmse']:.2g} % of the picture",
-        f"{report['geometry']['camera_hits']:,} camera hits",
-        "stopped   by the target error, after 4 passes",
-        f"peak memory {report['peak_memory_mib']:.0f} MiB",
-    ):
-        assert words in out
-
-
 def test_script_runs_as_a_program(folder):
     """With the integrator that it names, also where its function is decorated."""
     decorated = SCRIPT.replace("def scene", "@functools.cache\ndef scene")
@@ -289,23 +250,12 @@ def test_script_runs_as_a_program(folder):
     ("arguments", "words"),
     [
         (["missing.py"], "scene script 'missing.py': there is no such file"),
-        ([""], "scene script '': there is no such file"),
         (["ball.py", "--passes", "0"], "passes"),
-        (["ball.py", "--target-error", "0"], "target_error"),
         (["ball.py", "--integrator", "magic"], "declares is named by its INTEGRATOR instead"),
         (["ball.py", "--out", "a.jpg"], "unknown ending"),
         (["ball.py", "--out", "nowhere/a.png"], "no folder"),
-        (["ball.py", "--out", "."], "unknown ending"),
         (["ball.py", "--outputs", "depth"], "--outputs depth: a .png holds none of them: add"),
         (["ball.py", "--outputs", "denoised"], "is no output, pass --denoise"),
-        (["ball.py", "--outputs", "z"], "output is 'z': pass one of depth, position"),
-        (["ball.py", "--coarse", "none", "--accuracy", "mesh"], "leaves no triangles for accuracy"),
-        (["ball.py", "--target-error-trimmed", "0"], "target_error_trimmed is 0"),
-        (["ball.py", "--outputs", "depth,,x", "--out", "a.npz"], "output is 'x': pass one of"),
-        (["ball.py", "--width", "0"], "width"),
-        (["ball.py", "--accuracy", "exact"], "accuracy is 'exact': pass one of certified, refined"),
-        (["ball.py", "--tolerance", "-1"], "tolerance is -1: pass a finite number above 0"),
-        (["ball.py", "--integrator", "magic", "--photons", "3"], "integrator is 'magic': pass one"),
     ],
 )
 def test_bad_input_is_one_clear_line_and_exit_code_two(folder, capsys, arguments, words):
@@ -331,20 +281,13 @@ def test_a_mesh_is_no_scene_script(folder, capsys):
     [
         ("x = 1", "no function scene"),
         ("def scene():\n    return 3", "returned int"),
-        ("def scene():\n    return 1 / 0", "line 2: ZeroDivisionError"),
         ("def scene(:", "line 1: SyntaxError"),
         (SCRIPT + 'INTEGRATOR = "magic"', "bad.py: INTEGRATOR is 'magic': pass one of path"),
         (
             "from hybrid_rt.materials import *\n\ndef scene():\n    Mirror(2)",
             "line 4: Mirror color",
         ),
-        ("import sys\nsys.exit(4)", "line 2: SystemExit"),
-        ("def scene():\n    raise GeneratorExit", "line 2: GeneratorExit$"),
         ("def scene():\n    raise OSError('two\\n lines')", "line 2: OSError: two lines"),
-        (
-            "class Bad(Exception):\n    def __str__(self):\n        raise self\n\nraise Bad",
-            "line 5: Bad$",
-        ),
         (
             "from hybrid_rt import *\n\ndef scene():\n    return Dielectic(1.5)",
             r"line 4: NameError: name 'Dielectic' is not defined: did you mean 'Dielectric'\?$",
@@ -354,14 +297,9 @@ def test_a_mesh_is_no_scene_script(folder, capsys):
             r"line 4: TypeError: .* argument 'apperture': did you mean 'aperture'\?$",
         ),
         (
-            "from hybrid_rt import *\n\ndef scene():\n    return SphereLight((0, 0, 1), 1, strength=5)",
-            r"line 4: TypeError: .* argument 'strength': it takes center, radius, radiance$",
-        ),
-        (
             "import hybrid_rt\nhybrid_rt.Sphree",
             r"line 2: AttributeError: .* 'Sphree': did you mean 'Sphere'\?$",
         ),
-        ("def scene():\n    return qqqqqq", "line 2: NameError: name 'qqqqqq' is not defined$"),
         ("import hybrid_rt\nexec('x = = 3')", r"bad.py, line 2: SyntaxError: invalid syntax"),
     ],
 )
@@ -417,7 +355,7 @@ def test_neighbours_that_fail_are_told_by_the_scripts_line(tmp_path):
 
 @pytest.mark.parametrize(
     "arguments",
-    ["--passes 0", "--accuracy exact", "--tolerance -1", "--integrator magic", "--max-depth -1"],
+    ["--passes 0", "--integrator magic"],
 )
 def test_settings_are_refused_before_the_script_runs(tmp_path, capsys, arguments):
     (tmp_path / "slow.py").write_text("raise ValueError('it runs')")
@@ -585,13 +523,6 @@ class TestExitCodes:
         assert done.returncode == 1
         assert "ZeroDivisionError" in done.stderr
 
-    def test_the_help_says_where(self, capsys):
-        with pytest.raises(SystemExit):
-            cli.main(["--help"])
-        out = capsys.readouterr().out
-        assert "exit codes: 0 done, 2 refused or not written, 130 Ctrl-C, 141 closed pipe" in out
-        assert "docs/command_line.md" in out
-
 
 def test_version_and_help(capsys):
     for flag, words in (("--version", __version__), ("--help", "hybrid-rt render scenes/vase.py")):
@@ -627,17 +558,9 @@ def test_photons_are_counted_by_those_who_have_them(folder, capsys):
     assert "--photons: integrator 'path' has none" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("words", "error"), [("0.02", 0.02), ("2%", 0.02), ("12.5%", 0.125)])
-def test_target_errors_may_be_per_cent(words, error):
-    parser = argparse.ArgumentParser()
-    add_render_options(parser)
-    assert parser.parse_args(["--target-error", words]).target_error == pytest.approx(error)
-
-
-@pytest.mark.parametrize("words", [["render", "ball.py"], ["study", "ball.py"], ["demo"]])
-def test_what_keeps_numba_from_starting_is_told_in_one_sentence(folder, words):
+def test_what_keeps_numba_from_starting_is_told_in_one_sentence(folder):
     del folder
-    command = [sys.executable, "-m", "hybrid_rt", *words]
+    command = [sys.executable, "-m", "hybrid_rt", "render", "ball.py"]
     env = {**os.environ, "NUMBA_NUM_THREADS": "0"}
     ended = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
     assert ended.returncode == BAD_INPUT

@@ -10,7 +10,6 @@ import trimesh
 from hybrid_rt import (
     Box,
     Camera,
-    CheckerTexture,
     Dielectric,
     Emissive,
     GradientSky,
@@ -24,18 +23,14 @@ from hybrid_rt import (
     Phong,
     Plane,
     PointLight,
-    RectangleLight,
     Scene,
     Sphere,
-    SphereLight,
     TriangleMesh,
     render,
 )
-from hybrid_rt.analysis.picture_comparison import load_picture
 from hybrid_rt.cli.scene_file import load_scene
 from hybrid_rt.sensor.image_files import save_image
-from hybrid_rt.trimesh_adapter import RayMeshIntersector
-from meshing import BezierPatches, SurfaceOfRevolution, tessellate
+from meshing import SurfaceOfRevolution, tessellate
 
 BALL = Sphere((0, 0, 0), 1)
 CAMERA = Camera((0, -4, 1), (0, 0, 0), (0, 0, 1), width=4, height=3)
@@ -52,56 +47,30 @@ def mesh(vertices, faces):
     ("make", "words"),
     [
         (lambda: Sphere((1j, 0, 0), 1), r"Sphere center is \(1j, 0, 0\): pass real numbers"),
-        (lambda: Sphere((0, None, 0), 1), r"Sphere center is \(0, None, 0\): pass real"),
-        (lambda: Sphere((0, 0, 0), "1"), "Sphere radius is '1': pass real numbers"),
         (lambda: Sphere((0, 0, 0), [1, 2]), r"Sphere radius is \[1, 2\]: pass one number"),
-        (lambda: Plane((0, 0, "z"), UP), "Plane point is .*: pass real numbers"),
         (lambda: Lambertian("a.png"), r"color is 'a.png': .* texture; .*ImageTexture\('a.png'\)"),
         (
             lambda: Emissive("white"),
             r"radiance is 'white': pass three numbers, linear; of this colour \(1, 1, 1\)",
         ),
         (lambda: Dielectric("BK7"), "ior is 'BK7': pass real numbers .*no catalogue of glasses"),
-        (lambda: Dielectric((1.5, 2)), r"ior is \(1.5, 2\): pass one number .*no catalogue"),
-        (lambda: Box(None, (1, 1, 1)), "Box lo is None: pass real numbers"),
-        (lambda: BALL.transformed("turn"), "Sphere matrix is 'turn': pass real numbers"),
         (lambda: TriangleMesh(None), "TriangleMesh mesh is None: pass a trimesh"),
         (lambda: TriangleMesh("a.obj"), r"of a file, take TriangleMesh\.read\(.a\.obj.\)"),
         (
             lambda: TriangleMesh(trimesh.Scene([trimesh.creation.box()])),
             r"of a scene: SCENE.to_mesh\(\), or one mesh for each part of SCENE.dump\(\)",
         ),
-        (lambda: mesh("abc", [[0, 1, 2]]), "TriangleMesh vertices is 'abc': pass real"),
-        (lambda: BezierPatches("teapot.bpt"), "BezierPatches control is 'teapot.bpt': pass"),
-        (lambda: SurfaceOfRevolution(3, (0, 0, 0), UP), "profile is 3: pass Bezier points"),
-        (lambda: BezierPatches.read(5), "BezierPatches file is 5: pass a path"),
         (lambda: load_scene(None), "scene script is None: pass a path"),
-        (lambda: load_picture(None), "picture is None: pass a path"),
-        (lambda: save_image(5, np.zeros((1, 1, 3)), {}), "output is 5: pass a path"),
-        (lambda: BALL.point(None, 0.5), "u is None: pass real numbers"),
         (lambda: Box((0, 0, 0), (1, 1, 1)).point(0, 0, 0.5), "patch_id has type float64: pass"),
         (
             lambda: tessellate(Box((0, 0, 0), (1, 1, 1)), 0.1),
             "tessellate surface is Box.*: pass Bez",
         ),
-        (lambda: Intersector(Sphere), "surfaces is <class .*Sphere'>: pass a list"),
         (lambda: Intersector([BALL], threads=1.5), "threads is 1.5: pass an integer"),
-        (lambda: Intersector([BALL], threads="2"), "threads is '2': pass an integer"),
-        (lambda: Intersector([BALL], tolerance="a"), "tolerance is 'a': pass real numbers"),
-        (lambda: RayMeshIntersector([BALL]).intersects_id(UP, UP, max_hits=1.5), "max_hits is 1.5"),
-        (lambda: Camera(UP, (0, 0, 0), (0, 1, 0), width=4.0), "Camera width is 4.0: pass an int"),
-        (lambda: Object(Sphere, Mirror()), "is made of <class .*: pass a Sphere"),
         (lambda: Object(BALL, Mirror), "has the material <class .*: pass one of"),
         (lambda: Object(BALL, Mirror(), 3), "Object name is 3: pass a word"),
         (lambda: Object(BALL, Mirror(), smooth="no"), "smooth is 'no': pass True or False"),
-        (lambda: Dielectric(schlick="no"), "Dielectric schlick is 'no': pass True or False"),
-        (lambda: Mix(3), "Mix parts is 3: pass a list"),
-        (lambda: Emissive(1, Mirror), "Emissive base is <class .*: pass a material"),
         (lambda: Scene(CAMERA, ITEM), r"Scene objects is Object\(.*: pass a list"),
-        (
-            lambda: Scene(CAMERA, [ITEM], PointLight(UP, 1)),
-            r"Scene lights is PointLight\(.*: pass a list",
-        ),
         (
             lambda: Scene(CAMERA, [PointLight(UP, 1)]),
             r"objects\[0\] is PointLight\(.*: lights go into lights=",
@@ -115,9 +84,6 @@ def mesh(vertices, faces):
             r"lights\[0\] is Grad.*: a sky goes into environment=",
         ),
         (lambda: Scene(CAMERA, [ITEM], [BALL]), r"lights\[0\] is Sphere\(.*: pass a light"),
-        (lambda: render(ITEM), r"render scene is Object\(.*: pass a Scene"),
-        (lambda: render(Scene(CAMERA), outputs="depth"), "outputs is 'depth': pass a list"),
-        (lambda: render(Scene(CAMERA), progress=3), "progress is 3: pass a function"),
     ],
 )
 def test_other_types_are_refused(make, words):
@@ -130,34 +96,19 @@ def test_other_types_are_refused(make, words):
     [
         (lambda: Sphere((0, 0), 1), r"Sphere center has shape \(2,\): pass three numbers"),
         (lambda: Sphere((0, 0, 10**400), 1), "Sphere center is .*: pass numbers within 1e308"),
-        (lambda: Plane((0, 0, 1e300), UP), "Plane point is .*: scale the scene to within 1e\\+60"),
-        (lambda: Intersector([BALL], accuracy=["mesh"]), "accuracy is .*: pass one of certified"),
         (lambda: Intersector([BALL], threads=10**9), "threads is .*: pass an integer from 1 to"),
-        (lambda: RayMeshIntersector([BALL]).contains_points(np.zeros((3, 2))), r"shape \(3, 2\)"),
         (lambda: BALL.point([0, 1], [0, 1, 2]), r"shapes \(2,\), \(3,\) and \(\): pass one number"),
         (lambda: BALL.point(0, 0, 1), "patch_id is 1: pass 0 to 0"),
-        (lambda: save_image("a.png", np.zeros((2, 2)), {}), r"image has shape \(2, 2\): pass"),
         (lambda: save_image("a.png", np.zeros((1, 1, 3)), {}, exposure=1e6), "exposure is 1e\\+06"),
         (lambda: Mix([]), "Mix parts is empty: pass"),
         (lambda: Metal(0.5, 7), "Metal fuzz is 7: pass a finite number at least 0 and at most 1"),
-        (lambda: Metal(0.5, -1), "Metal fuzz is -1: pass a finite number at least 0"),
         (lambda: Phong(0.5, 0.5, 1e308), "Phong exponent is 1e\\+308: .*beyond it use Mirror"),
-        (lambda: Dielectric(1e200), "Dielectric ior is 1e\\+200: .* at most 1e\\+06"),
         (lambda: Emissive(ImageTexture(np.full((1, 1, 3), 1e31))), "some above 1e\\+30"),
         (lambda: Emissive(1e300), "Emissive radiance is 1e\\+300: pass numbers from 0 to 1e\\+30"),
-        (lambda: PointLight(UP, 1e300), "PointLight intensity is 1e\\+300: pass numbers from 0"),
         (lambda: PointLight((0, 0, 1e200), 1), "PointLight position is .*: scale the scene"),
-        (lambda: SphereLight(UP, 1e200, 1), "SphereLight radius is 1e\\+200: pass"),
-        (lambda: RectangleLight(UP, (1e200, 0, 0), UP, 1), "RectangleLight edge_u is .*: scale"),
-        (lambda: GradientSky(0, 1e300), "GradientSky top is 1e\\+300: pass"),
-        (lambda: CheckerTexture(0, 1, 1e300), "CheckerTexture scale is 1e\\+300: pass"),
         (lambda: ImageTexture([[1], [1, 2]]), "ImageTexture image is .*: pass rows of equal"),
         (lambda: Sphere(MASKED, 1), "Sphere center has masked elements: leave them out, or fill"),
-        (lambda: Intersector([BALL]).intersect(MASKED, UP), "origins has masked elements"),
         (lambda: BALL.point(0.5, 0.5, MASKED), "patch_id has masked elements"),
-        (lambda: mesh(np.eye(3), MASKED[None].astype(int)), "TriangleMesh faces has masked"),
-        (lambda: ImageTexture(MASKED[None]), "ImageTexture image has masked elements"),
-        (lambda: Lambertian(MASKED), "Lambertian color has masked elements"),
     ],
 )
 def test_values_that_cannot_work_are_refused(make, words):

@@ -23,12 +23,12 @@ from hybrid_rt import (
     render,
 )
 
-TINY = [5e-324, 1e-310, 1e-200, 1e-150, 1e-61]
-LARGE = [1e61, 1e155, 1e308]
+TINY = [5e-324, 1e-200, 1e-61]
+LARGE = [1e61, 1e308]
 CAMERA = Camera((0, -4, 1), (0, 0, 0), (0, 0, 1), width=8, height=6)
 
 
-@pytest.mark.parametrize("fuzz", [5e-324, 1e-310, 1e-160, 1e-150, 1e-100, 1e-8, 9e-7])
+@pytest.mark.parametrize("fuzz", [5e-324, 1e-160, 9e-7])
 def test_fuzz_below_what_cosines_resolve_is_refused(fuzz):
     with pytest.raises(
         ValueError, match=f"Metal fuzz is {fuzz:g}: pass 0 .a mirror., or a number from"
@@ -83,7 +83,7 @@ def test_the_shortest_edges_are_hit_where_they_are(make, size):
     np.testing.assert_array_equal(np.abs(hits.normal), [[0, 0, 1]])
 
 
-@pytest.mark.parametrize("height", [1e-310, 1e-200, 1e-160])
+@pytest.mark.parametrize("height", [1e-310, 1e-160])
 def test_slivers_of_a_mesh_have_unit_normals(height):
     """Its squares underflow. The normal is along z, by construction."""
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, height, 0], [1, 1, 1]], float)
@@ -94,7 +94,7 @@ def test_slivers_of_a_mesh_have_unit_normals(height):
     assert np.isfinite(render(scene, passes=2, threads=1).image).all()
 
 
-@pytest.mark.parametrize("watch", [5, "page", object(), type, SimpleNamespace(stop_asked=False)])
+@pytest.mark.parametrize("watch", [5, type, SimpleNamespace(stop_asked=False)])
 def test_what_is_no_watcher_is_refused_before_any_work(watch):
     scene = Scene(CAMERA)
     with pytest.raises(
@@ -112,24 +112,16 @@ def test_a_watcher_that_cannot_be_called_is_refused():
 LENSED = Camera((0, -4, 1), (0, 0, 0), (0, 0, 1), width=8, height=6, aperture=0.1)
 BAD_CALLS = {
     "row of another length": (lambda: CAMERA.rays([1.0, 2.0], [1.0]), "Camera.rays row has shape (1,): pass (2,)"),
-    "a number": (lambda: CAMERA.rays(1.0, 2.0), "Camera.rays column has shape (): pass (n,)"),
     "a word": (lambda: CAMERA.rays("a", [1.0]), "Camera.rays column is 'a': pass real numbers"),
     "nan": (lambda: CAMERA.rays([np.nan], [1.0]), "Camera.rays column holds nan: pass finite"),
-    "inf": (lambda: CAMERA.rays([1.0], [np.inf]), "Camera.rays row holds inf: pass finite"),
     "lens out of range": (
         lambda: LENSED.rays([1.0], [1.0], [[0.5, -0.1]]), "Camera.rays lens holds -0.1 to 0.5: pass",
     ),
-    "lens of one": (lambda: LENSED.rays([1.0], [1.0], [[0.5, 1.0]]), "lens holds 0.5 to 1: pass"),
     "lens of another shape": (
         lambda: LENSED.rays([1.0], [1.0], [0.5, 0.5]), "Camera.rays lens has shape (2,): pass (1, 2)",
     ),
     "a point": (lambda: CAMERA.sees((0, 0, 0)), "Camera.sees points has shape (3,): pass (n, 3)"),
-    "two coordinates": (lambda: CAMERA.sees([[0, 0]]), "Camera.sees points has shape (1, 2): pass (n, 3)"),
-    "points of nan": (lambda: CAMERA.sees([[0, np.nan, 0]]), "Camera.sees points holds nan: pass finite"),
-    "lens of points": (
-        lambda: LENSED.sees([[0, 0, 0]], [[np.nan, 0]]), "Camera.sees lens holds nan: pass finite",
-    ),
-}  # fmt: skip
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(("call", "words"), BAD_CALLS.values(), ids=BAD_CALLS)

@@ -48,11 +48,8 @@ def test_kernels_compile_again_where_the_cache_names_a_type_that_has_moved(tmp_p
     ("executable", "frozen", "starts_python"),
     [
         ("/usr/bin/python3", False, True),
-        ("C:\\Python\\python.exe", False, True),
         ("/opt/renderer", False, False),
         ("/opt/python-app", True, False),
-        ("", False, False),
-        (None, False, False),
     ],
 )
 def test_programs_that_python_is_built_into_are_not_started(

@@ -123,11 +123,6 @@ class TestPictures:
             limit = stats.t.isf(ALARM / 8, 11) * math.hypot(rough, fine)
             assert abs(one - other) < limit
 
-    def test_threads_change_no_bit_and_count_no_more_rays(self):
-        one, three = (render(scene_with(1.1, 1.5), passes=6, threads=n) for n in (1, 3))
-        np.testing.assert_array_equal(one.image, three.image)
-        assert one.report["intersection"] == three.report["intersection"]
-
 
 def context_of(objects, lights=()):
     compiled = compile_scene(Scene(CAMERA, objects, lights))

@@ -7,7 +7,6 @@ from hybrid_rt import (
     Camera,
     CheckerTexture,
     Dielectric,
-    Emissive,
     Lambertian,
     Object,
     PhotonMapOptions,
@@ -80,18 +79,6 @@ def test_textures_take_the_surface_s_uv():
     ]
     same = np.abs(pictures[0].image - pictures[1].image).max(axis=2) < 1e-5
     assert 0.6 < same.mean() < 1.0  # all but the hole and the light through it
-
-
-def test_a_lamp_with_a_hole_shines_as_four_lamps():
-    pictures = [
-        render(Scene(CAMERA, [FLOOR, *lamps(Emissive((5, 5, 5)))]), "path", passes=64, seed=3)
-        for lamps in (trimmed, in_four)
-    ]
-    means = [picture.image.mean() for picture in pictures]
-    noise = [p.report["noise"]["standard_error_of_image_mean"] for p in pictures]
-    assert min(means) > 0.1
-    # One in a million by chance.
-    assert abs(means[0] - means[1]) < 5 * np.hypot(*noise)
 
 
 def test_glass_with_a_hole_is_an_open_body():

@@ -99,7 +99,7 @@ def test_irradiance_is_lamberts(integrator, shape):
 
 @pytest.mark.statistical
 @pytest.mark.parametrize("strategy", ["both", "lights", "directions"])
-@pytest.mark.parametrize("shape", ["square", "aside", "slanted", "tilted"])
+@pytest.mark.parametrize("shape", ["aside", "slanted", "tilted"])
 def test_asking_running_into_and_both_see_the_same(strategy, shape):
     """Weights are right: the densities are those of what is done, from 1/2 to 1e-9 of the size."""
     for size, height in ((2.0, 1.0), (40.0, 1.0), (1.0, 1e-9), (1e6, 1.0)):

@@ -228,36 +228,6 @@ def test_emitted_power_is_the_closed_form():
 # --- light by way of other surfaces
 
 
-def means(scene, passes=16, photons=40_000):
-    """Return the mean and its standard error by the integrators that find all of this light."""
-    found = {}
-    for integrator in ("path", "ppm", "photon_map"):
-        options = None
-        if integrator != "path":
-            kind = PPMOptions if integrator == "ppm" else PhotonMapOptions
-            options = kind(photons)
-        noise = render(scene, integrator, passes, options=options).report["noise"]
-        found[integrator] = noise["image_mean"], noise["standard_error_of_image_mean"]
-    return found
-
-
-def test_integrators_agree_on_light_between_matt_surfaces():
-    """A wall beside the floor is in the spot, the floor in its edge."""
-    wall = Object(Rectangle((1, -2, 0), (0, 0, 2), (0, 4, 0)), Lambertian(0.8), "wall")
-    floor = Object(Rectangle((-3, -3, 0), (6, 0, 0), (0, 6, 0)), Lambertian(0.7), "floor")
-    spot = SpotLight((-1, 0, 1.5), (1, 0, -0.3), 10.0, 35.0, 25.0)
-    camera = Camera((-3, -1, 2), (0.3, 0, 0.3), (0, 0, 1), 30, 16, 12)
-    found = means(Scene(camera, [floor, wall], [spot]))
-    for name in ("ppm", "photon_map"):
-        gap = found[name][0] - found["path"][0]
-        # Blur where wall and floor meet takes up to half a per cent.
-        assert (
-            abs(gap) < 4.0 * math.hypot(found[name][1], found["path"][1]) + 0.005 * found["path"][0]
-        )
-    whitted = render(Scene(camera, [floor, wall], [spot]), "whitted", 4).image.mean()
-    assert 0.5 * found["path"][0] < whitted < 0.98 * found["path"][0]
-
-
 @pytest.mark.parametrize("integrator", ["ppm", "photon_map"])
 def test_caustic_of_a_narrow_spot_is_that_of_a_point_light(integrator):
     """The cone holds the ball and little else, so all that the ball throws is the same."""

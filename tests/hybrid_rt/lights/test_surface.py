@@ -5,8 +5,7 @@ import math
 import mpmath
 import numpy as np
 import pytest
-from scipy import stats
-from shining import chosen
+from shining import assert_mean, chosen, met
 
 from hybrid_rt import (
     Box,
@@ -22,14 +21,10 @@ from hybrid_rt import (
     TriangleMesh,
     render,
 )
-from hybrid_rt.core.records import HitRecord
-from hybrid_rt.lights.cells import cells_a_side
 from meshing import BezierPatches, SurfaceOfRevolution
 
 # The radius is 1 - z^2.
 SPINDLE = SurfaceOfRevolution([(-1, 0), (0, 2), (1, 0)], (0, 0, 0), (0, 0, 1))
-# How often a right mean is refused by chance.
-ALARM = 1e-5
 QUADS = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
 TURN = np.array([[0.8, -0.6, 0.0, 0.0], [0.48, 0.64, -0.6, 0.0], [0.36, 0.48, 0.8, 0.0],
                  [0.0, 0.0, 0.0, 1.0]])  # fmt: skip
@@ -104,16 +99,8 @@ def irradiance(size):
     return abs(polygon(corners(size)[list(QUADS[0])], (0, 0, 1)))
 
 
-def assert_mean(value, truth, spread, rounding=1e-6):
-    """Compare the mean of independent values with the truth, and their spread with what is bearable."""
-    error = value.std(ddof=1) / math.sqrt(value.size)
-    limit = stats.t.isf(ALARM / 2, value.size - 1) * error
-    assert abs(value.mean() - truth) <= limit + rounding * truth
-    assert value.std() <= spread * truth
-
-
 @pytest.mark.statistical
-@pytest.mark.parametrize("size", [1e-3, 1.0, 30.0, 1e3, 1e6])
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e6])
 @pytest.mark.parametrize("shape", FLAT)
 def test_irradiance_is_lamberts(shape, size):
     """Even in solid angle the cosine varies by 0.58 of its mean; by area it would be 1e3 and more."""
@@ -142,7 +129,7 @@ def test_within_a_turned_body_that_shines_every_floor_gets_pi(depth):
     assert_mean(value, math.pi, 3.0)
 
 
-@pytest.mark.parametrize("height", [1e-6, 0.01, 0.5, 20.0])
+@pytest.mark.parametrize("height", [1e-6, 0.5])
 @pytest.mark.parametrize(
     "surface",
     [
@@ -161,21 +148,6 @@ def test_density_of_what_is_run_into_is_that_of_asking(surface, height):
     # A place within a rounding of the border of two parts may belong to either.
     differs = np.abs(density / points.pdf_area[rows] - 1.0) > 1e-6
     assert differs.sum() <= 1
-
-
-def met(surface, points, rows):
-    """Return points as hits; the patch is the one that has the point there."""
-    u, v, place = points.u[rows], points.v[rows], points.position[rows]
-    patches = np.repeat(np.arange(len(surface)), u.size)
-    every = surface.point(np.tile(u, len(surface)), np.tile(v, len(surface)), patches)
-    patch = np.linalg.norm(every.reshape(-1, u.size, 3) - place, axis=-1).argmin(axis=0)
-    n, none = u.size, np.zeros(u.size)
-    return HitRecord(
-        t=none, object_id=none.astype(np.int32), patch_id=patch.astype(np.int32), u=u, v=v,
-        position=place, normal=points.normal[rows], front_face=np.ones(n, np.bool_),
-        status=none.astype(np.uint8), flags=none.astype(np.uint8), t_bound=none, residual=none,
-        instance_id=none.astype(np.int32) - 1,
-    )  # fmt: skip
 
 
 @pytest.mark.statistical
@@ -216,9 +188,3 @@ def test_triangles_of_a_lamp_do_not_hide_it(middle):
     assert means[0] > 0.1
     # Triangles move the light by less than their distance from the surface, 1e-3 of its size.
     np.testing.assert_allclose(means[1:], means[0], rtol=5e-3)
-
-
-def test_many_patches_get_fewer_cells_each():
-    """4096 for one patch, 256 for each of many, half a million of all: a cell holds 400 bytes."""
-    sides = {n: cells_a_side(n) for n in (1, 10, 400, 2500, 100_000, 10_000_000)}
-    assert sides == {1: 64, 10: 20, 400: 16, 2500: 14, 100_000: 2, 10_000_000: 1}

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy import stats
-from shining import chosen
+from shining import ALARM, assert_mean, chosen, met
 from trimmed_surfaces import (
     OUTLINE,
     ball_piece,
@@ -27,7 +27,6 @@ from trimmed_surfaces import (
 from hybrid_rt import (
     Camera,
     CheckerTexture,
-    Dielectric,
     Emissive,
     Lambertian,
     Object,
@@ -39,12 +38,9 @@ from hybrid_rt import (
     Sphere,
     render,
 )
-from hybrid_rt.core.records import HitRecord
 from hybrid_rt.lights.surface import shining_surface
-from meshing import NurbsSurface, TrimmedSurface, circle, polygon
+from meshing import TrimmedSurface, circle, polygon
 
-# How often a right mean is refused by chance.
-ALARM = 1e-5
 # Points sampled for a mean.
 N = 8192
 SURFACES = (
@@ -82,15 +78,8 @@ def ring_irradiance(x, y):
     return disc(x, y, 0.8) - disc(x, y - 0.1, 0.4)
 
 
-def assert_mean(value, truth, spread, rounding=1e-6):
-    """Compare the mean of independent values with the truth, and their spread with what is bearable."""
-    limit = stats.t.isf(ALARM / 2, value.size - 1) * value.std(ddof=1) / math.sqrt(value.size)
-    assert abs(value.mean() - truth) <= limit + rounding * truth
-    assert value.std() <= spread * truth
-
-
 @pytest.mark.statistical
-@pytest.mark.parametrize("place", [(0.0, 0.0), (0.2, 0.1), (0.6, -0.3), (3.0, 1.0), (50.0, 0.0)])
+@pytest.mark.parametrize("place", [(0.0, 0.0), (0.6, -0.3), (50.0, 0.0)])
 def test_irradiance_of_a_ring(place):
     """The whole square spreads as much: by area far away, evenly in solid angle nearby."""
     _, _, points, value = chosen(ring_lamp(), (*place, 0.0), n=N)
@@ -120,30 +109,6 @@ def test_irradiance_of_a_cap(distance):
 def _flipped(loop):
     ball = TrimmedSurface(Sphere((0, 0, 1), 1.0), [loop])
     return list(ball.flipped().loops[0])
-
-
-@pytest.mark.statistical
-@pytest.mark.parametrize("place", [(1.0, 1.0, 0.0), (0.3, 1.7, -4.0), (0.8, 1.3, 0.995)])
-def test_irradiance_of_a_trimmed_nurbs_surface(place):
-    """z = 1 + x^2 / 4, of two spans, inside an ellipse: integrated over x and y by Gauss's rule."""
-    x, y = np.meshgrid([0.0, 0.5, 1.5, 2.0], [0.0, 2.0], indexing="ij")
-    z = np.tile(1.0 + 0.25 * np.array([[0.0], [0.0], [2.0], [4.0]]), (1, 2))
-    net = np.stack([x, y, z], axis=-1)
-    surface = NurbsSurface(net, [0, 0, 0, 1, 2, 2, 2], [0, 0, 1, 1], (2, 1))
-    lamp = TrimmedSurface(surface, [circle((0.4, 0.6), (0.3, 0.2))]).flipped()
-
-    # The last point lies before the lamp by a sixth of its height above x = 0.8: 0.165. There the
-    # sum is right to 1e-8, by a trapezoid rule around.
-    node, weight = np.polynomial.legendre.leggauss(100)
-    r, turn = np.meshgrid(0.5 + 0.5 * node, 2.0 * np.pi * np.arange(400) / 400, indexing="ij")
-    x, y = 0.8 + 0.6 * r * np.cos(turn), 1.2 + 0.4 * r * np.sin(turn)
-    to = np.stack([x, y, 1.0 + 0.25 * x * x], axis=-1) - place
-    facing = to[..., 2] - 0.5 * x * to[..., 0]
-    part = 0.24 * r * np.maximum(facing, 0.0) * np.maximum(to[..., 2], 0.0)
-    part /= np.square(to).sum(axis=-1) ** 2
-    truth = np.pi * (weight @ part.mean(axis=1))
-    _, _, _, value = chosen(lamp, place, n=N)
-    assert_mean(value, truth, 1.0)
 
 
 @pytest.mark.statistical
@@ -185,22 +150,6 @@ def test_density_of_what_is_run_into_is_that_of_asking(make, height):
     density = light.seen_pdf_area(seen_from[rows], met(surface, points, rows))
     # A place within a rounding of the border of two parts may belong to either.
     assert (np.abs(density / points.pdf_area[rows] - 1.0) > 1e-6).sum() <= 1
-
-
-def met(surface, points, rows):
-    """Return points as hits; the patch is the one whose span holds them."""
-    u, v = points.u[rows], points.v[rows]
-    n, none = u.size, np.zeros(u.size)
-    patch = none
-    if surface.spans is not None:
-        u0, u1, v0, v1 = surface.spans.T[:, :, None]
-        patch = ((u0 <= u) & (u <= u1) & (v0 <= v) & (v <= v1)).argmax(axis=0)
-    return HitRecord(
-        t=none, object_id=none.astype(np.int32), patch_id=patch.astype(np.int32), u=u, v=v,
-        position=points.position[rows], normal=points.normal[rows], front_face=np.ones(n, np.bool_),
-        status=none.astype(np.uint8), flags=none.astype(np.uint8), t_bound=none, residual=none,
-        instance_id=none.astype(np.int32) - 1,
-    )  # fmt: skip
 
 
 AREAS = {
@@ -284,7 +233,7 @@ def test_pictures_show_it(way):
 
 
 @pytest.mark.statistical
-@pytest.mark.parametrize("make", [sheet, turned_part, windowed_ball, windowed_torus, cut_lens])
+@pytest.mark.parametrize("make", [sheet, turned_part, windowed_torus])
 def test_all_ways_of_finding_its_light_agree(make):
     """A floor below lamps that hide parts of themselves, with a texture along their (u, v)."""
     lift = np.eye(4)
@@ -336,20 +285,6 @@ def test_camera_sees_through_the_hole():
     assert (image[out_outer | in_hole] == 0.0).all()
     assert in_hole.sum() > 50
     assert image.mean() == pytest.approx(3.0 * RING_AREA / 4.0, rel=0.02)
-
-
-@pytest.mark.parametrize("integrator", ["path", "ppm"])
-def test_any_number_of_threads_gives_the_same_bits(integrator):
-    scene = Scene(
-        view(24),
-        [FLOOR, Object(ring_lamp(), Emissive(1.0, Lambertian(0.5)), "lamp"),
-         Object(Sphere((0.3, 0.2, 0.3), 0.2), Dielectric(1.5))],
-    )  # fmt: skip
-    options = PPMOptions(2000) if integrator == "ppm" else None
-    one, two = (
-        render(scene, integrator, 2, seed=4, threads=n, options=options).image for n in (1, 2)
-    )
-    np.testing.assert_array_equal(one, two)
 
 
 def test_a_plug_in_the_hole_does_not_hide_the_lamp():

@@ -16,6 +16,7 @@ from urllib.parse import urlsplit
 import imageio.v3 as imageio
 import numpy as np
 import pytest
+from ball_script import SCRIPT
 
 from hybrid_rt import Camera, Lambertian, Object, Plane, PPMOptions, RectangleLight, Scene, Sphere
 from hybrid_rt.cli import program as cli
@@ -26,16 +27,6 @@ from hybrid_rt.rendering import summary
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.sensor.film import Film
 
-SCRIPT = """
-from hybrid_rt import Camera, GradientSky, Lambertian, Object, Scene, Sphere
-
-
-def scene():
-    camera = Camera((0, -4, 1), (0, 0, 0), (0, 0, 1), width=64, height=48)
-    return Scene(
-        camera, [Object(Sphere((0, 0, 0), 1), Lambertian(0.5))], environment=GradientSky(0, 1)
-    )
-"""
 WIDTH, HEIGHT = 24, 16
 BALL, FLOOR = Sphere((0, 0, 0), 1), Plane((0, 0, -1), (0, 0, 1))
 LAMP = RectangleLight((-1, -1, 4), (0, 1, 0), (1, 0, 0), 20.0)

@@ -112,16 +112,11 @@ EVERYTHING = [
     [
         ({"token": None}, b"token"),
         ({"token": "a-tokeN"}, b"token"),
-        ({"token": ""}, b"token"),
         ({"token": "%FF"}, b"token"),
         ({"Host": "evil.example"}, b"Host"),
-        ({"Host": "127.0.0.1"}, b"Host"),
         ({"Host": "127.0.0.1:1"}, b"Host"),
         ({"Origin": "http://evil.example"}, b"Origin"),
-        ({"Origin": "null"}, b"Origin"),
-        ({"Origin": "http://127.0.0.1:1"}, b"Origin"),
         ({"Sec_Fetch_Site": "cross-site"}, b"another site"),
-        ({"Sec_Fetch_Site": "same-site"}, b"another site"),
     ],
 )
 def test_strangers_learn_nothing(page, still, changed, word):
@@ -179,14 +174,9 @@ def test_no_answer_allows_other_origins_or_other_content(page):
         ("/nothing", "GET", 404, None),
         ("/../watch.py", "GET", 404, None),
         ("/", "POST", 405, "GET"),
-        ("/picture", "PUT", 405, "GET"),
         ("/about", "HEAD", 405, "GET"),
-        ("/about", "OPTIONS", 405, "GET"),
         ("/stop", "GET", 405, "POST"),
-        ("/stop", "DELETE", 405, "POST"),
-        ("/probe?column=1", "GET", 400, None),
         ("/probe?column=-1&row=0", "GET", 400, None),
-        ("/probe?column=3&row=0", "GET", 400, None),
         ("/picture?after=x", "GET", 400, None),
     ],
 )

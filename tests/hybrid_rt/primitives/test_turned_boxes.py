@@ -9,18 +9,9 @@ import trimesh
 
 from hybrid_rt import (
     Box,
-    Camera,
-    Dielectric,
-    Emissive,
-    GradientSky,
     Intersector,
-    Lambertian,
-    Object,
-    PointLight,
-    Scene,
     Status,
     TriangleMesh,
-    render,
 )
 from proof.exact.crossings import bits, rational
 from proof.exact.truth import ExactScene
@@ -193,27 +184,3 @@ def test_bounds_copies_and_words():
     areas = [1.5 * 0.75, 2.0 * 0.75, 2.0 * 1.5]
     np.testing.assert_allclose(surface.areas, np.repeat(areas, 2), rtol=1e-15)
     np.testing.assert_allclose(Box(LO, HI).areas, np.repeat(areas, 2), rtol=1e-15)
-
-
-@pytest.mark.parametrize("material", [Dielectric(1.5), Emissive(2.0), Lambertian(0.5)])
-def test_pictures_turn_with_everything(material):
-    """The same picture where camera, lamp and box turn together: nothing in it is random."""
-    images = []
-    for matrix in (np.eye(4), MAPS["turned"]):
-        eye, at, up, lamp = (
-            matrix[:3, :3] @ x for x in ((3.0, 2.0, 1.5), (0, 0.2, 0.1), (0, 0, 1), (2, 3, 5))
-        )
-        shift = matrix[:3, 3]
-        scene = Scene(
-            Camera(eye + shift, at + shift, up, 40, 32, 24),
-            [Object(Box(LO, HI).transformed(matrix), material)],
-            [PointLight(lamp + shift, 100.0)],
-            None if isinstance(material, Lambertian) else GradientSky(0.2, 1.0, up),
-        )
-        result = render(scene, "whitted", passes=4)
-        assert not result.report["clear_bodies_not_closed"]
-        images.append(result.image)
-    assert images[0].max() > 0.1
-    # A few samples at edges fall on the other side of them.
-    difference = np.abs(images[0].astype(float) - images[1])
-    assert np.quantile(difference, 0.99) < 1e-6

@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+from ball_script import SCRIPT
 
 from hybrid_rt.cli import program
 from hybrid_rt.cli.command import BAD_INPUT
@@ -14,14 +15,6 @@ from hybrid_rt.rendering.result import RenderResult
 
 REPORT = {"passes": 4, "settings": {"seed": 0}, "versions": {}, "noise": {"relative_rmse": 0.1}}
 HEIGHT, WIDTH = 48, 64
-SCRIPT = """
-from hybrid_rt import Camera, GradientSky, Lambertian, Object, Scene, Sphere
-
-def scene():
-    camera = Camera((0, -4, 1), (0, 0, 0), (0, 0, 1), width=32, height=24)
-    ball = Object(Sphere((0, 0, 0), 1), Lambertian(0.5))
-    return Scene(camera=camera, objects=[ball], environment=GradientSky(0, 1))
-"""
 
 
 def noisy():

@@ -39,19 +39,12 @@ def test_one_line_has_size_error_and_seconds(result):
     assert repr(result) == f"RenderResult(16 x 12, path, 2 passes, {seconds}, error {error})"
 
 
-def test_the_error_of_most_pixels_is_that_of_the_report(result):
-    errors = result.report["relative_error"]
+def test_errors_and_the_mean_with_its_interval_are_those_of_the_report(result):
+    errors, noise = result.report["relative_error"], result.report["noise"]
     assert (result.error, result.error_trimmed) == (errors["both"], errors["both_trimmed"])
-
-
-def test_the_mean_and_its_interval_are_those_of_the_report(result):
-    noise = result.report["noise"]
     # The picture is rounded to float32.
     assert result.mean == pytest.approx(noise["image_mean"], rel=1e-7)
     assert result.mean_half_interval == noise["half_interval_95_of_image_mean"]
-
-
-def test_a_single_pass_has_a_mean_of_unknown_error(result):
     single = rt.RenderResult(result.image, replace(result.report, noise=None))
     assert single.mean == result.mean
     assert math.isnan(single.mean_half_interval)

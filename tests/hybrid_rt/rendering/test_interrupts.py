@@ -14,6 +14,7 @@ import traceback
 import imageio.v3 as imageio
 import numpy as np
 import pytest
+from ball_script import SCRIPT
 
 from hybrid_rt.cli import main
 from hybrid_rt.cli import render as cli_render
@@ -40,17 +41,6 @@ from hybrid_rt.rendering.result import RenderInterrupted
 from hybrid_rt.rendering.units import passes_in_words
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
-
-SCRIPT = """
-from hybrid_rt import Camera, GradientSky, Lambertian, Object, Scene, Sphere
-
-
-def scene():
-    camera = Camera((0, -4, 1), (0, 0, 0), (0, 0, 1), width=64, height=48)
-    return Scene(
-        camera, [Object(Sphere((0, 0, 0), 1), Lambertian(0.5))], environment=GradientSky(0, 1)
-    )
-"""
 
 
 @pytest.fixture(autouse=True)

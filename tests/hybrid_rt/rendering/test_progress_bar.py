@@ -3,10 +3,7 @@
 import io
 import itertools
 import math
-import os
-import pty
 import sys
-import threading
 import time
 import types
 
@@ -75,38 +72,6 @@ class TestTerminal:
         assert full.rstrip().endswith("s")
 
     @pytest.mark.usefixtures("often")
-    def test_what_was_longer_is_wiped_out(self):
-        """By spaces: no sequences that a terminal may not know."""
-        stream = Terminal()
-        show = TerminalBar(stream)
-        show("Rendering", 1, 10)
-        show.note_error(0.9, 0.31, False)
-        show("Rendering", 2, 10)
-        show("Rendering", 10, 10)
-        lines = drawn(stream)
-        assert len(lines[2]) >= len(lines[1])
-        assert not set(stream.getvalue()) & set(map(chr, range(32))) - {"\r", "\n"}
-
-    @pytest.mark.usefixtures("often")
-    def test_error_is_shown_until_the_next_stage(self):
-        stream = Terminal()
-        show = TerminalBar(stream)
-        show("Rendering", 1, 10)
-        show.note_error(0.0345, 0.0345, False)
-        show("Rendering", 2, 10)
-        show("Writing", 1, 10)
-        assert ["error 3.5 %" in line for line in drawn(stream)] == [False, True, False]
-
-    @pytest.mark.parametrize("at", [1, 10])
-    def test_an_error_noted_last_is_shown_at_the_end(self, at):
-        stream = Terminal()
-        show = TerminalBar(stream)
-        show("Rendering", at, 10)
-        show.note_error(0.0345, 0.0345, False)
-        show.close()
-        assert drawn(stream)[-1].endswith("error 3.5 %\n")
-
-    @pytest.mark.usefixtures("often")
     @pytest.mark.parametrize(
         ("noted", "words"),
         [
@@ -151,23 +116,6 @@ class TestTerminal:
             assert "target out of reach" in lines[-1] or "target is out of reach" in lines[-1]
         if width >= 132:
             assert "." * LEAST in lines[-1]
-
-    def test_the_width_is_that_of_the_terminal_not_of_the_standard_output(self, monkeypatch):
-        """A pseudo-terminal of 37 columns, while the standard output is a file."""
-        import fcntl
-        import struct
-        import termios
-
-        monkeypatch.delenv("COLUMNS")
-        leader, follower = pty.openpty()
-        fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 37, 0, 0))
-        with os.fdopen(follower, "w") as stream:
-            assert bars.columns(stream) == 37
-            fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 0, 0, 0, 0))
-            assert bars.columns(stream) >= 1  # a terminal that does not know its own width
-            show = progress_bar("auto", stream)
-            assert isinstance(show, TerminalBar)
-        os.close(leader)
 
     def test_messages_come_above_the_bar(self):
         stream = Terminal()
@@ -278,23 +226,15 @@ class TestChoice:
         monkeypatch.setattr(sys, "stderr", None)
         assert progress_bar("bar") is None
 
-    @pytest.mark.parametrize("mode", ["auto", "bar"])
     @pytest.mark.parametrize(("kernel", "expected"), [(object(), NotebookBar), (None, PlainLines)])
-    def test_of_notebooks(self, monkeypatch, mode, kernel, expected):
+    def test_of_notebooks(self, monkeypatch, kernel, expected):
         """A kernel is known by IPython's shell; IPython on a terminal has none."""
         shell = types.SimpleNamespace(kernel=kernel) if kernel else types.SimpleNamespace()
         ipython = types.SimpleNamespace(get_ipython=lambda: shell)
         monkeypatch.setitem(sys.modules, "IPython", ipython)
         monkeypatch.setattr(sys, "stderr", io.StringIO())
-        if kernel is None and mode == "bar":
-            expected = TerminalBar
-        assert type(progress_bar(mode)) is expected
+        assert type(progress_bar("auto")) is expected
         assert type(progress_bar("plain")) is PlainLines
-        assert type(progress_bar("auto", io.StringIO())) is PlainLines
-
-    def test_ipython_is_not_imported(self):
-        assert not bars.in_notebook()
-        assert "IPython" not in sys.modules
 
 
 class Handle:
@@ -391,30 +331,6 @@ def test_nested_compilations_count_once_and_long_ones_are_announced(monkeypatch,
     assert [(r.levelname, r.getMessage()) for r in caplog.records] == [("INFO", f"{COMPILING} ...")]
 
 
-def test_long_compilations_are_told_again_and_again(monkeypatch, caplog):
-    monkeypatch.setattr(core_progress, "ANNOUNCE_AFTER", 0.01)
-    monkeypatch.setattr(core_progress, "AGAIN_AFTER", 0.01)
-    caplog.set_level("INFO")
-    heard, third = [], threading.Event()
-
-    def hear(*event):
-        heard.append(event)
-        if len(heard) % 3 == 0:
-            third.set()
-
-    watch = CompileWatch(hear, is_logged=True)
-    for _ in range(2):  # what is compiled later is told anew
-        watch.on_start(None)
-        assert third.wait(60)
-        watch.on_end(None)
-        n_then = len(heard)
-        time.sleep(0.05)
-        assert len(heard) == n_then
-        third.clear()
-    assert set(heard) == {(COMPILING, 0, 0)}
-    assert len(caplog.records) == 1
-
-
 class Terminal(io.StringIO):
     def isatty(self):
         return True
@@ -452,37 +368,10 @@ def test_what_compiles_for_long_is_said_once_where_nobody_tells_of_it(monkeypatc
     )
 
 
-def test_compilations_far_apart_are_said_again(monkeypatch, caplog):
-    monkeypatch.setattr(core_progress, "WARN_AFTER", 0.01)
-    monkeypatch.setattr(core_progress, "SAME_WITHIN", 0.1)
-    watch = core_progress._WatchOutside()
-    for pause in (0.0, 0.2):
-        compile_for(0.05, watch)
-        time.sleep(pause)
-    compile_for(0.05, watch)
-    assert len(caplog.records) == 2
-
-
-def test_short_compilations_are_not_mentioned(caplog):
-    compile_for(0.01, core_progress._WatchOutside())
-    assert not caplog.records
-
-
 def compile_for(seconds, watch):
     watch.on_start(None)
     time.sleep(seconds)
     watch.on_end(None)
-
-
-def test_of_nested_watches_the_outermost_logs():
-    with watch_compilation() as outer:
-        with watch_compilation() as inner:
-            pass
-        with watch_compilation() as second:
-            pass
-    assert [w._is_logged for w in (outer, inner, second)] == [True, False, False]
-    with watch_compilation() as again:
-        assert again._is_logged
 
 
 def test_compilation_of_kernels_is_measured():

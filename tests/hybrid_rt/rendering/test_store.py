@@ -86,105 +86,59 @@ def test_a_target_is_reached_at_the_same_pass(tmp_path):
     assert finer.report["relative_error"]["both"] <= 0.02
 
 
-def test_a_budget_that_set_up_exceeds_makes_a_pass_each_time(tmp_path):
-    for passes in (1, 2, 3):
-        part = render(scene(), time_budget=1e-9, store=tmp_path, resume=True)
-        assert (part.report["passes"], part.report["stopped_by"]) == (passes, "time_budget")
-
-
-def test_interrupted_and_continued(tmp_path, monkeypatch):
-    monkeypatch.setattr(workers, "TOGETHER", 4 * 12 * 9)
-
-    def stop(stage, done, _total):
-        if stage == "Rendering" and done > 5 * 12 * 9:
-            raise KeyboardInterrupt
-
-    with pytest.raises(RenderInterrupted) as caught:
-        render(scene(), passes=22, store=tmp_path, progress=stop, threads=1)
-    done = caught.value.result.report["passes"]
-    assert 0 < done < 22
-    part = render(scene(), passes=22, store=tmp_path, resume=True)
-    assert part.report["store"]["passes_before"] == done
-    assert re.search(r"stopped .* s in \d calls \(\d+\.\d\d s in this one\)", in_words(part.report))
-    np.testing.assert_array_equal(part.image, render(scene(), passes=22).image)
-
-
-@pytest.mark.parametrize("failure", [ZeroDivisionError, SystemExit])
-def test_a_callback_that_fails_loses_no_pass(failure, tmp_path, monkeypatch):
-    camera = scene().camera
-    five = 5 * camera.width * camera.height
+@pytest.mark.parametrize("failure", [KeyboardInterrupt, ZeroDivisionError, SystemExit])
+@pytest.mark.parametrize("integrator", ["path", "ppm"])
+def test_a_render_that_is_cut_short_loses_no_pass(failure, integrator, tmp_path, monkeypatch):
+    """Nor are photons of the pass that is given up counted."""
+    monkeypatch.setattr(workers, "TOGETHER", 1)
 
     def fails(stage, done, _total):
-        if stage == "Rendering" and done > five:
+        if stage == "Rendering" and done > 5 * 12 * 9:
             raise failure
 
-    settings = {"passes": 8, "threads": 1, "seed": 1}
-    monkeypatch.setattr(workers, "TOGETHER", 1)
-    with pytest.raises(failure):
+    settings = {"integrator": integrator, "options": OPTIONS[integrator], "passes": 8, "threads": 1}
+    with pytest.raises(RenderInterrupted if failure is KeyboardInterrupt else failure):
         render(scene(), store=tmp_path, progress=fails, **settings)
     part = render(scene(), store=tmp_path, resume=True, **settings)
     assert part.report["store"]["passes_before"] == 5
     assert part.report["store"]["lost"] == []
-    np.testing.assert_array_equal(part.image, render(scene(), **settings).image)
+    assert re.search(r"stopped .* s in 2 calls \(\d+\.\d\d s in this one\)", in_words(part.report))
+    whole = render(scene(), **settings)
+    np.testing.assert_array_equal(part.image, whole.image)
+    for name in ("emitted", "stored", "power_of_all_passes") if integrator == "ppm" else ():
+        assert part.report["photons"][name] == whole.report["photons"][name]
 
 
-def test_photons_of_a_pass_that_is_given_up_are_not_counted(tmp_path):
-    def stops(stage, done, total):
-        if stage == "Rendering" and done > total / 2:
-            raise KeyboardInterrupt
-
-    settings = {"integrator": "ppm", "options": OPTIONS["ppm"], "passes": 6, "threads": 2}
-    with pytest.raises(RenderInterrupted) as caught:
-        render(scene(), store=tmp_path, progress=stops, **settings)
-    stopped = caught.value.result.report
-    assert stopped["photons"]["emitted"] == 500 * stopped["passes"]
-    part = render(scene(), store=tmp_path, resume=True, **settings).report
-    whole = render(scene(), **settings).report
-    for name in ("emitted", "stored", "shown_to_camera", "power_of_all_passes"):
-        assert part["photons"][name] == whole["photons"][name]
-
-
-def test_a_used_store_is_refused_without_resume(tmp_path):
-    render(scene(), passes=1, store=tmp_path)
-    with pytest.raises(StoreError, match=r"holds passes of a render: resume it"):
-        render(scene(), passes=2, store=tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"scene": scene(radius=0.5)}, r"the scene's objects\[1\] differs"),
-        ({"scene": scene(width=13)}, "width 12 there, 13 here"),
-        ({"seed": 8}, "seed 7 there, 8 here"),
-        ({"max_depth": 3}, "max_depth 16 there, 3 here"),
-        ({"integrator": "whitted"}, "integrator 'path' there, 'whitted' here"),
-    ],
-)
-def test_another_render_is_refused(change, words, tmp_path):
-    settings = {"scene": scene(), "seed": 7, "passes": 2, "integrator": "path"}
-    render(**settings, store=tmp_path)
-    with pytest.raises(StoreError, match=words):
-        render(**{**settings, **change}, store=tmp_path, resume=True)
+OF_PHOTONS = {"integrator": "ppm", "options": PPMOptions(500)}
 
 
 @pytest.mark.parametrize(
     ("there", "here", "words"),
     [
-        (PPMOptions(500), None, r"photons_per_pass \(--photons\) 500 there, 200000 here"),
-        (PPMOptions(500), PPMOptions(500, 0.5), r"alpha \(--alpha\) 0\.66\d* there, 0\.5 here"),
+        ({}, {"scene": scene(radius=0.5)}, r"the scene's objects\[1\] differs"),
+        ({}, {"scene": scene(width=13)}, "the scene's camera differs; width 12 there, 13 here"),
+        ({}, {"seed": 8}, "seed 7 there, 8 here"),
+        ({}, {"max_depth": 3}, "max_depth 16 there, 3 here"),
+        ({}, {"integrator": "whitted"}, "integrator 'path' there, 'whitted' here"),
+        # Options one by one, with the defaults of what is not given; none of another integrator.
+        (OF_PHOTONS, {"options": None}, r"photons_per_pass \(--photons\) 500 there, 200000 here"),
         (
-            PPMOptions(500),
-            PPMOptions(500, initial_radius=0.5),
-            "initial_radius None there, 0.5 here",
+            OF_PHOTONS,
+            {"options": PPMOptions(500, 0.5)},
+            r"alpha \(--alpha\) 0\.66\d* there, 0\.5 here",
+        ),
+        (
+            OF_PHOTONS,
+            {"integrator": "path", "options": None},
+            "integrator 'ppm' there, 'path' here",
         ),
     ],
 )
-def test_options_that_differ_are_named_one_by_one(there, here, words, tmp_path):
-    """With the defaults of what is not given, and with nothing that is equal."""
-    render(scene(), "ppm", passes=1, options=there, store=tmp_path)
-    said = rf"holds another render: {words}\. Name another folder"
-    with pytest.raises(StoreError, match=said):
-        render(scene(), "ppm", passes=1, options=here, store=tmp_path, resume=True)
+def test_another_render_is_refused(there, here, words, tmp_path):
+    settings = {"scene": scene(), "seed": 7, "passes": 2, "integrator": "path", **there}
+    render(**settings, store=tmp_path)
+    with pytest.raises(StoreError, match=rf"holds another render: {words}\. Name another folder"):
+        render(**{**settings, **here}, store=tmp_path, resume=True)
 
 
 def test_default_options_are_those_that_are_not_given(tmp_path):
@@ -192,12 +146,6 @@ def test_default_options_are_those_that_are_not_given(tmp_path):
     settings = {"options": PathOptions(), "store": tmp_path, "resume": True}
     part = render(scene(), "path", passes=2, **settings)
     assert part.report["store"]["passes_before"] == 1
-
-
-def test_of_another_integrator_no_options_are_named(tmp_path):
-    render(scene(), "ppm", passes=1, options=PPMOptions(500), store=tmp_path)
-    with pytest.raises(StoreError, match=r"integrator 'ppm' there, 'path' here\. Name another"):
-        render(scene(), "path", passes=1, store=tmp_path, resume=True)
 
 
 def test_another_version_is_refused(tmp_path):
@@ -403,7 +351,7 @@ def test_a_bit_of_the_identity_does_not_lose_the_sums(tmp_path, monkeypatch, cap
 
 
 @pytest.mark.parametrize("name", ["sums-0.npz", "sums-1.npz"])
-@pytest.mark.parametrize("at", [0, 9, 66, 140, 5000, -200, -40, -1])
+@pytest.mark.parametrize("at", [0, 66, 5000, -1])
 def test_a_flipped_bit_costs_a_save_at_most(name, at, tmp_path):
     file = two_saves(tmp_path) / name
     content = bytearray(file.read_bytes())

@@ -193,7 +193,7 @@ def test_errors_come_from_the_differences_between_groups():
 
 
 @pytest.mark.statistical
-@pytest.mark.parametrize("n", [4, 8, 16, 22, 64])
+@pytest.mark.parametrize("n", [4, 22])
 def test_rare_bright_paths_do_not_excuse_themselves(n):
     """Of independent samples of 1 one in 500 is 51: mean 1.1, variance 2500 p (1 - p).
 
@@ -212,20 +212,7 @@ def test_rare_bright_paths_do_not_excuse_themselves(n):
 
 
 @pytest.mark.statistical
-@pytest.mark.parametrize("n", [16, 22, 64])
-def test_relative_error_of_even_noise_is_right(n):
-    rng = np.random.default_rng(3)
-    level = rng.uniform(0.2, 2.0, (200, 300, 3))
-    sheet = Film(200, 300)
-    for _ in range(n):
-        sheet.add(level * (1.0 + 0.3 * rng.normal(size=level.shape)))
-    truth = np.sqrt((0.09 * level**2 / n / (level**2 + 0.01)).mean())
-    # Noise of 10 % in what stands in for r makes the mean of 1 / r^2 some per cent too large.
-    assert sheet.relative_error() == pytest.approx(truth, rel=0.03)
-
-
-@pytest.mark.statistical
-@pytest.mark.parametrize("n", [16, 22, 64])
+@pytest.mark.parametrize("n", [16, 22])
 @pytest.mark.parametrize("rare", [0.0, 1e-5, 1e-4])
 def test_noise_is_told_from_fireflies(n, rare):
     """Even noise of 30 %, and one sample in 1 / rare that is brighter by 50.
@@ -251,8 +238,7 @@ def test_noise_is_told_from_fireflies(n, rare):
 @pytest.mark.statistical
 @pytest.mark.parametrize(
     ("p", "n", "at_most"),
-    [(0.01, 16, 1.6), (0.01, 64, 1.15), (0.01, 256, 1.15), (0.05, 16, 1.15), (0.05, 64, 1.3),
-     (0.2, 16, 1.3), (0.2, 64, 1.3), (0.2, 256, 1.1)],
+    [(0.01, 16, 1.6), (0.01, 64, 1.15), (0.05, 64, 1.3), (0.2, 16, 1.3)],
 )  # fmt: skip
 def test_pixels_that_have_met_few_paths_are_not_much_overstated(p, n, at_most):
     """Each pass of a pixel is 300 with probability p, over 0.3: as of a small lamp out of focus.
@@ -323,19 +309,11 @@ def test_worst_pixels_of_few_are_none():
     assert (errors.trimmed, errors.n_worst, errors.share_of_worst) == (errors.whole, 0, 0.0)
 
 
-@pytest.mark.parametrize("n_passes", [2, 3, 5])
-def test_black_pixels_are_counted_before_runs_are_whole(n_passes):
+@pytest.mark.parametrize("n_passes", [2, 3, 16])
+def test_black_pixels_and_dark_ones_are_counted_before_runs_are_whole_and_after(n_passes):
+    """Dark ones have some light, below 0.1."""
     sheet = Film(4, 5)
     for _ in range(n_passes):
-        radiance = np.ones((4, 5, 3))
-        radiance[1] = 0.0
-        sheet.add(radiance)
-    assert sheet.noise().pixels_without_light == 5
-
-
-def test_dark_pixels_are_those_with_some_light():
-    sheet = Film(4, 5)
-    for _ in range(3):
         radiance = np.ones((4, 5, 3))
         radiance[1:3], radiance[0] = 0.09, 0.0
         sheet.add(radiance)
@@ -374,7 +352,7 @@ def test_intervals_use_students_t():
 
 
 @pytest.mark.statistical
-@pytest.mark.parametrize("n", [2, 5, 16, 21, 30])
+@pytest.mark.parametrize("n", [2, 5, 21])
 def test_squares_of_errors_are_unbiased(n):
     """The mean square is the variance of the mean, whatever the sizes of the groups.
 

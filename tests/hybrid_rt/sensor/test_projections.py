@@ -7,7 +7,6 @@ import pytest
 import trimesh
 
 from hybrid_rt import (
-    Camera,
     Emissive,
     GradientSky,
     ImageEnvironment,
@@ -139,12 +138,6 @@ def test_resized_and_fingerprints(make):
     assert not view.has_lens
 
 
-def test_cameras_differ_by_fingerprint():
-    same = (EYE, EYE + FORWARD, UP)
-    views = [Camera(*same), OrthographicCamera(*same, 40.0), PanoramicCamera(*same, 640, 480)]
-    assert len({fingerprint(view) for view in views}) == 3
-
-
 @pytest.mark.parametrize(
     ("make", "changes", "words"),
     [
@@ -196,25 +189,6 @@ def test_marks_land_on_the_pixels_of_an_orthographic_picture():
     np.testing.assert_allclose(result.channels["depth"][on], depth, rtol=1e-6)
     np.testing.assert_allclose(result.channels["normal"][on], np.tile(-FORWARD, (3, 1)), atol=1e-6)
     assert result.denoised().image.shape == (4, 8, 3)
-
-
-def test_marks_land_on_the_pixels_of_a_panorama():
-    # The middles of pixels (column, row), 3 away.
-    places = [(1, 0), (6, 1), (3, 3), (7, 2)]
-    balls = []
-    for column, row in places:
-        azimuth, polar = 2 * math.pi * ((column + 0.5) / 8 - 0.5), math.pi * (row + 0.5) / 4
-        level = math.cos(azimuth) * FORWARD + math.sin(azimuth) * RIGHT
-        way = math.sin(polar) * level + math.cos(polar) * UP
-        balls.append(Object(Sphere(EYE + 3 * way, 0.2), Lambertian(0.5)))
-    result = render(
-        Scene(panoramic(), balls), "whitted", 2, outputs=["object_id", "depth"], threads=1
-    )
-    expected = np.full((4, 8), -1.0)
-    for i, (column, row) in enumerate(places):
-        expected[row, column] = i
-    np.testing.assert_array_equal(result.channels["object_id"], expected)
-    np.testing.assert_allclose(result.channels["depth"][expected >= 0], 2.8, rtol=1e-6)
 
 
 def test_a_panorama_of_an_environment_is_its_picture():

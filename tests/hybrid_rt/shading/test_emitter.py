@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hybrid_rt.shading.kernels import light_kinds
-from hybrid_rt.shading.kernels.light_kinds import POINT, RECTANGLE, SPOT, LightPoints, LightTable
+from hybrid_rt.shading.kernels.light_kinds import POINT, SPOT, LightPoints, LightTable
 
 pytestmark = pytest.mark.interpreted
 
@@ -30,37 +30,6 @@ def test_point_light_falls_off_with_the_square():
 
 def test_light_in_the_lit_point_gives_nothing():
     assert light_point(table(POINT, (1, 2, 3)), 0, 1.0, 2.0, 3.0, 0.5, 0.5)[4] == 0.0
-
-
-def test_back_of_a_rectangle_is_dark():
-    lights = table(RECTANGLE, (-1, -1, 2), (2, 0, 0), (0, 2, 0))  # shines upward
-    assert light_point(lights, 0, 0.0, 0.0, 0.0, 0.5, 0.5)[4] == 0.0
-    # One above the middle of a square of side two, a face of a cube: a sixth of all directions.
-    angle = 4.0 * math.pi / 6.0
-    assert light_point(lights, 0, 0.0, 0.0, 3.0, 0.5, 0.5)[4] == pytest.approx(angle, rel=1e-14)
-
-
-def irradiance_of_corner(a, b, height):
-    """Irradiance, for radiance one, below the corner of a parallel a x b rectangle.
-
-    Closed form, e.g. Siegel and Howell, "Thermal radiation heat transfer", configuration C-11.
-    """
-    p, q = math.hypot(a, height), math.hypot(b, height)
-    return 0.5 * (a / p * math.atan(b / p) + b / q * math.atan(a / q))
-
-
-def test_irradiance_of_a_rectangle_is_the_closed_form():
-    a, b, height = 1.5, 0.7, 0.9
-    lights = table(RECTANGLE, (0, 0, height), (0, b, 0), (a, 0, 0))  # shines downward
-    n = 100
-    total = 0.0
-    for i in range(n):
-        for j in range(n):
-            s, t = (i + 0.5) / n, (j + 0.5) / n
-            _, _, z, distance, factor, _, _ = light_point(lights, 0, 0.0, 0.0, 0.0, s, t)
-            total += factor * z / distance
-    # Midpoint rule, error proportional to 1 / n^2.
-    assert total / n**2 == pytest.approx(irradiance_of_corner(a, b, height), rel=1e-4)
 
 
 @pytest.mark.parametrize("angles", [(25, 30), (0, 30), (40, 40), (120, 180), (0.0006, 0.001)])

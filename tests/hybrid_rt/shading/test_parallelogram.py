@@ -131,25 +131,6 @@ def test_density_of_what_is_run_into_is_that_of_asking(shape, height):
         assert density * factor == pytest.approx(1.0, rel=1e-13)
 
 
-@pytest.mark.parametrize("shape", ["square", "long", "slanted", "slanted back"])
-@pytest.mark.parametrize("height", [0.7, 3.0, 30.0])
-def test_density_integrates_to_one(shape, height):
-    lights = table(lamp(shape, (0.3, -0.2), height))
-    corner, u, v = lights.origin[0], lights.edge_u[0], lights.edge_v[0]
-    nodes, weights = np.polynomial.legendre.leggauss(24)
-    total = 0.0
-    for s, p in zip((nodes + 1) / 2, weights / 2, strict=True):
-        for t, q in zip((nodes + 1) / 2, weights / 2, strict=True):
-            place = corner + s * u + t * v
-            distance = float(np.linalg.norm(place))
-            cosine = height / distance
-            density = light_kinds.pdf_of_light(lights, 0, 0.0, 0.0, 0.0, distance, cosine, 0.0)
-            total += p * q * density * cosine / distance**2
-    area = float(np.linalg.norm(np.cross(u, v)))
-    # Gauss and Legendre's rule of 24 points, smooth at these heights.
-    assert total * area == pytest.approx(1.0, rel=1e-9)
-
-
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("direction", [(0, 0, 1), (1, 0, 0.3), (0.2, 0.9, 0.1)])
 def test_both_ways_meet_where_one_follows_the_other(shape, direction):

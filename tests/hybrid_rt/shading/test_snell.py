@@ -39,20 +39,6 @@ def test_reflection_turns_the_part_along_the_normal():
     np.testing.assert_allclose(np.linalg.norm(out, axis=1), 1, atol=4e-16)
 
 
-def test_known_angles():
-    # 45 degrees into an index of sqrt 2: 30 degrees; the way back; and total reflection beyond it.
-    root = np.sqrt(2)
-    inside = refract((1, 0, 1), (0, 0, -1), 1, root)
-    np.testing.assert_allclose(inside, (0.5, 0, np.sqrt(0.75)), atol=2e-16)
-    np.testing.assert_allclose(
-        refract(inside, (0, 0, 1), root, 1), np.array([1, 0, 1]) / root, atol=4e-16
-    )
-    assert np.isnan(refract((1, 0, 0.99), (0, 0, 1), root, 1)).all()
-    assert np.isnan(refract((1, 0, 0), (0, 0, 1), 1, 1.5)).all()
-    assert np.array_equal(refract((0, 3, 4), (1, 1, 1), 1.3, 1.3), (0, 0.6, 0.8))
-    assert np.array_equal(reflect((0, 3, 4), (0, 0, -2)), (0, 0.6, -0.8))
-
-
 def test_reflectance_is_that_of_both_polarisations():
     """The mean of the squares of Fresnel's amplitudes, by the angles on both sides."""
     d, n, _ = some(200)

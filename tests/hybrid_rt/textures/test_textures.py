@@ -10,7 +10,6 @@ from hybrid_rt.sensor.color import srgb_to_linear
 from hybrid_rt.shading.kernels.texture import texture_color
 from hybrid_rt.textures import CheckerTexture, ImageTexture
 from hybrid_rt.textures.table import compile_textures
-from hybrid_rt.textures.texture import ConstantTexture
 
 PICTURE = np.random.default_rng(3).uniform(size=(3, 4, 3))
 
@@ -162,11 +161,6 @@ def test_world_checker_on_a_plane_through_the_origin_is_a_board():
             assert look_up(texture, 0, 0, (x, y, z))[0] == (0.9 if even else 0.1)
 
 
-def test_constant_is_constant():
-    color = np.array([0.1, 0.2, 0.3])
-    np.testing.assert_array_equal(look_up(ConstantTexture(color), 0.5, 0.5), color)
-
-
 @pytest.mark.parametrize("channels", ["RGB", "Y"])
 def test_radiance_of_an_exr_file_is_taken_as_it_is(tmp_path, channels):
     openexr = pytest.importorskip("OpenEXR")
@@ -179,21 +173,6 @@ def test_radiance_of_an_exr_file_is_taken_as_it_is(tmp_path, channels):
     np.testing.assert_array_equal(texels, np.stack(expected, axis=2))
 
 
-@pytest.mark.parametrize(
-    ("name", "hint"),
-    [
-        ("sky.exr", "pass a picture file, it"),
-        ("sky.hdr", r"it cannot be read as one \(it does not begin as a Radiance picture does\)"),
-    ],
-)
-def test_what_is_no_picture_is_refused(tmp_path, name, hint):
-    (tmp_path / name).write_bytes(b"nothing")
-    if name.endswith("exr"):
-        pytest.importorskip("OpenEXR")
-    with pytest.raises(ValueError, match=hint):
-        ImageTexture(tmp_path / name)
-
-
 def test_half_precision_is_taken_as_it_is():
     bright = np.full((2, 2, 3), 6e4, dtype=np.float16)
     assert ImageTexture(bright).brightest.tolist() == bright[0, 0].tolist()
@@ -204,17 +183,13 @@ def test_half_precision_is_taken_as_it_is():
     [
         (lambda: ImageTexture("missing.png"), FileNotFoundError, r"missing\.png"),
         (lambda: ImageTexture(np.full((2, 2, 3), np.nan)), ValueError, "non-finite"),
-        (lambda: ImageTexture(np.full((2, 2, 3), np.inf)), ValueError, "non-finite"),
         (lambda: ImageTexture(-np.ones((2, 2, 3))), ValueError, "negative"),
         (lambda: ImageTexture(np.ones((2, 2, 5))), ValueError, "shape"),
-        (lambda: ImageTexture(np.ones((0, 2, 3))), ValueError, "shape"),
         (lambda: ImageTexture(np.ones((2, 2, 3), dtype=np.int64)), TypeError, "int64"),
         (lambda: ImageTexture(PICTURE, "mirror"), ValueError, "wrap"),
-        (lambda: CheckerTexture(1, 0, -2), ValueError, "scale"),
         (lambda: CheckerTexture(1, 0, (0, 0, 0)), ValueError, "scale is 0"),
         (lambda: CheckerTexture(1, 0, (1, 2, 3), "uv"), ValueError, "scale"),
         (lambda: CheckerTexture(-1, 0), ValueError, "even"),
-        (lambda: CheckerTexture(1, 0, 1, "object"), ValueError, "space"),
     ],
 )
 def test_impossible_textures_are_refused(make, error, words):

@@ -32,7 +32,7 @@ from hybrid_rt import (
     render,
 )
 from hybrid_rt.demo import teapot
-from hybrid_rt.integrators.path.mirrors import MOST_MIRRORS, mirrors_of
+from hybrid_rt.integrators.path.mirrors import mirrors_of
 from hybrid_rt.scene.compiled import compile_scene
 
 FLOOR = Object(Rectangle((-4, -4, 0), (8, 0, 0), (0, 8, 0)), Lambertian(0.6))
@@ -171,10 +171,3 @@ class TestTable:
             Object(beside, Mirror(0.9)),
         ]
         assert table(objects).surface.size == 3
-
-    def test_the_largest_ones(self):
-        objects = [
-            Object(Rectangle((k, 1.0, 0.5), (0.5 + 0.01 * k, 0, 0), (0, 0, 0.5)), Mirror(0.9))
-            for k in range(MOST_MIRRORS + 3)
-        ]
-        assert table(objects).surface.tolist() == list(range(4, MOST_MIRRORS + 4))

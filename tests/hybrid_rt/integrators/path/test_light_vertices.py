@@ -6,43 +6,15 @@ import numpy as np
 import pytest
 
 from hybrid_rt.integrators.kernels.connections import (
-    ALONG_X,
-    ALONG_Y,
-    ALONG_Z,
-    CANDIDATE_COLUMNS,
     CANDIDATES,
     NONE,
-    STEPS,
-    X,
-    Y,
-    Z,
     choose_far,
-    member,
 )
 from hybrid_rt.integrators.path.light_paths import (
-    LINE,
     candidates_of,
     new_light_vertices,
     packed,
 )
-
-
-@pytest.mark.parametrize("n", [0, 1, 2, 5])
-@pytest.mark.parametrize("n_slots", [0, 1, 3])
-def test_packed_rows(n, n_slots):
-    rng = np.random.default_rng(3)
-    points = new_light_vertices(n, n_slots)
-    for column in points:
-        column[...] = rng.integers(1, 100, column.shape)
-    rows = packed(points)
-    for name, before, after in zip(points._fields, points, rows, strict=True):
-        if before.size:  # of materials without lobes there are no colours
-            np.testing.assert_array_equal(after[:n], before, err_msg=name)
-        assert after.dtype == before.dtype
-        # All of one type for numba, so the kernels that read them are compiled once.
-        assert not after.flags.c_contiguous
-        assert after.strides[0] == rows.density.strides[0]
-
 
 PASSES = (0, 0, 5, 5 + CANDIDATES, 100 + 3 * CANDIDATES)  # first rows: none, few, a group, more
 
@@ -62,32 +34,6 @@ def lit_sides(points):
     """Return the normals on the side that the light comes from."""
     facing = (points.geometric * points.direction).sum(axis=1, keepdims=True)
     return points.geometric * -np.sign(facing)
-
-
-def test_candidates():
-    """Position, the lit side's normal times strength, steps; no strength elsewhere than on diffuse surfaces."""
-    first_of_pass = np.array(PASSES)
-    points = some_light_vertices(PASSES[-1])
-    table, first_group = candidates_of(points, first_of_pass, np.array([True, False]))
-    assert table.shape == (first_group[-1], CANDIDATE_COLUMNS, CANDIDATES)
-    assert table.ctypes.data % LINE == 0
-    strength = np.where(points.material == 0, points.strength, 0.0)
-    seen = []
-    for number, n_groups in enumerate(np.diff(first_group)):
-        begin, end = PASSES[number], PASSES[number + 1]
-        assert n_groups == -(-(end - begin) // CANDIDATES)
-        for group, j in np.ndindex(n_groups, CANDIDATES):
-            k = member(group, j, begin, n_groups)
-            column = table[first_group[number] + group, :, j]
-            if k >= end:
-                assert not column.any()
-                continue
-            seen.append(k)
-            np.testing.assert_array_equal(column[[X, Y, Z]], points.position[k])
-            along = lit_sides(points)[k] * strength[k]
-            np.testing.assert_allclose(column[[ALONG_X, ALONG_Y, ALONG_Z]], along, rtol=1e-15)
-            assert column[STEPS] == points.steps[k]
-    assert sorted(seen) == list(range(PASSES[-1]))
 
 
 class PartOfWorld(NamedTuple):

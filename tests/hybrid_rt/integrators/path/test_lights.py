@@ -77,13 +77,6 @@ class TestLights:
         asked = render(scene, "whitted", passes=16).image.reshape(-1, 3).astype(float)
         assert_means_agree(asked, samples(scene, 16, max_depth=0, seed=5))
 
-    def test_irradiance_of_a_rectangle(self):
-        """Siegel and Howell, "Thermal radiation heat transfer", configuration C-11."""
-        h = math.hypot(1, 1)
-        irradiance = 0.5 * 2 * (1 / h) * math.atan(1 / h)
-        expected = 0.5 / math.pi * irradiance * np.array([1, 2, 3])
-        assert_mean_equals(samples(self.scene("rectangle")), expected)
-
     @pytest.mark.parametrize("name", ["sphere", "shining sphere", "revolution"])
     def test_irradiance_of_a_sphere(self, name):
         """A sphere wholly above the horizon: pi L (r / d)^2 cos."""

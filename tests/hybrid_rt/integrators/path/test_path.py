@@ -80,8 +80,7 @@ def test_error_falls_with_the_root_of_the_passes():
     assert -0.9 < slope < -0.45
 
 
-@pytest.mark.parametrize("threads", [1, 3])
-@pytest.mark.parametrize("block", [100, 2**15])
+@pytest.mark.parametrize(("threads", "block"), [(1, 100), (3, 2**15)])
 def test_threads_and_blocks_change_no_bit(threads, block, monkeypatch):
     before = render(room(), passes=3, seed=4, threads=2).image
     monkeypatch.setattr(workers, "BLOCK", block)
@@ -92,19 +91,10 @@ def test_threads_and_blocks_change_no_bit(threads, block, monkeypatch):
     ("options", "words"),
     [
         ({"strategy": "magic"}, "strategy is 'magic'"),
-        ({"survival": 0.0}, "survival"),
         ({"survival": 1.5}, "survival"),
-        ({"roulette_depth": -1}, "roulette_depth"),
         ({"light_paths": -0.5}, "light_paths"),
     ],
 )
 def test_impossible_options_are_refused(options, words):
     with pytest.raises(ValueError, match=words):
         PathOptions(**options)
-
-
-def test_options_of_another_integrator_are_refused():
-    with pytest.raises(TypeError, match="'whitted' takes no options"):
-        render(room(), "whitted", options=PathOptions())
-    with pytest.raises(TypeError, match="'path' takes PathOptions"):
-        render(room(), "path", options={"strategy": "both"})

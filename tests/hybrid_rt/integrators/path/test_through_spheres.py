@@ -126,7 +126,7 @@ def test_rays_to_the_place_of_reflection_go_on_to_the_lamp(eye, lamp):
 
 # Radius and index of a ball within one of radius 1, or none.
 CORES = [(0.05, 1.0), (0.6, 1.0), (0.9, 1.33), (0.6, 1.8), (0.98, 1.33), (0.3, 1.45)]
-WITH_CORES = [(ior, core) for ior in (1.1, 1.5, 2.4) for core in CORES]
+WITH_CORES = list(zip((1.1, 1.5, 2.4) * 2, CORES, strict=True))
 
 
 @pytest.mark.parametrize(
@@ -181,34 +181,6 @@ def test_rays_through_a_ball_go_on_to_the_lamp(ior, core):
             assert out[0] @ way > 0
     # Points near the axis of the ball are reached by three ways.
     assert n_three > 0 or core is not None
-
-
-@pytest.mark.parametrize("ior", [None, 1.1, 1.5, 2.4])
-def test_rays_leave_in_the_direction_of_the_sky_that_is_asked_for(ior):
-    """A lamp at infinity."""
-    for eye in (1.001, 1.05, 1.3, 2.0, 5.0):
-        for between in (1e-3, 0.3, 1.5, 2.5, 3.0, 3.1):
-            way = np.array([math.cos(between), math.sin(between), 0.0])
-            if ior is None:
-                place = place_of_reflection(eye, math.inf, between)
-                if between > math.acos(1 / eye) + math.pi / 2:
-                    assert math.isnan(place)
-                    continue
-                m = np.array([[math.cos(place), math.sin(place), 0.0]])
-                d = m - (eye, 0.0, 0.0)
-                out = [(d - 2 * (d * m).sum() * m)[0] / np.linalg.norm(d)]
-                slack = [1e-13 / np.linalg.norm(d)]
-            else:
-                found = crossings(ior, eye, math.inf, between)
-                out, slack = [], []
-                for side, b in found:
-                    angle = math.asin(b / eye)
-                    d = np.array([[-math.cos(angle), side * math.sin(angle), 0.0]])
-                    out.append(through(np.array([[eye, 0.0, 0.0]]), d, ior)[1][0])
-                    # Grazing rays turn by the root of what b is off by.
-                    slack.append(1e-11 if b < 0.999 else 1e-6)
-            for one, most in zip(out, slack, strict=True):
-                assert np.linalg.norm(one - way) < most
 
 
 @pytest.mark.parametrize("ior", [None, 1.1, 1.5, 2.4])
@@ -334,7 +306,7 @@ class TestPictures:
         camera = Camera((0, -3.5, 3.5), (0, 0.8, 0.4), (0, 0, 1), 50, n, n)
         return Scene(camera, [FLOOR, FRONT, *objects], lights), settings
 
-    @pytest.mark.parametrize("name", nightly_but(SCENES, "glass", "three balls", "hollow", "short"))
+    @pytest.mark.parametrize("name", nightly_but(SCENES, "three balls", "hollow", "short"))
     def test_same_light_as_by_chance(self, name):
         """Without light paths no ball is asked."""
         scene, settings = self.scene(name)
@@ -383,11 +355,6 @@ class TestPictures:
             for one in (scene, Scene(scene.camera, unasked, [lamp]))
         ]
         assert noise[0] < 0.4 * noise[1]
-
-    def test_the_plan_says_so(self):
-        scene, _ = self.scene("glass", 4)
-        plan = render(scene, passes=1).report["plan"]["light"]
-        assert "balls of glass or mirrors (1)" in plan["used"]["ways by mirrors and glass"]
 
     def test_cores_that_turn_rays_by_more_than_a_turn_are_left_out(self):
         centre = (0.0, 1.0, 1.2)

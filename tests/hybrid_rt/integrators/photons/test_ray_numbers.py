@@ -34,28 +34,6 @@ def number(scene, photons, **settings):
     return result.report["photons"]["shadow_rays_per_point"]
 
 
-@pytest.mark.parametrize(
-    ("work", "best"),
-    [
-        # Photons alone are noisy: more of anything else is cost.
-        (Work(0.0, 0.0, 1.0, 10.0, 1.0, 10.0), (1, 1)),
-        # Shadow rays alone cost and matter: with n of them 1 / n of the variance for n times the cost.
-        (Work(0.0, 1.0, 0.0, 0.0, 1.0, 0.0), (1, 1)),
-        # (1 + 15 / n) (60 + 4 n) is 1024, 578, 361, 264.5, 240; eight is just beyond a tenth more.
-        # Two camera rays with eight each: (1 + 15 / 16) (60 + 2 * 32) = 240.25, but that costs more.
-        (Work(0.0, 15.0, 1.0, 0.0, 4.0, 60.0), (1, 16)),
-        # (1 + 3 / n) (12 + n) is 52, 35, 28, 27.5, 33; four is within a tenth.
-        (Work(0.0, 3.0, 1.0, 0.0, 1.0, 12.0), (1, 4)),
-        # (1 + 9 / n) (90 + 10 n) for n camera rays: 1000, 605, 422.5; shadow rays are free of noise.
-        (Work(9.0, 0.0, 1.0, 9.0, 1.0, 90.0), (4, 1)),
-        # (1 + 9 / n) (10 + 10 n) is 200, 165, 162.5; two are within a tenth.
-        (Work(9.0, 0.0, 1.0, 9.0, 1.0, 10.0), (2, 1)),
-    ],
-)
-def test_best_numbers_have_about_the_least_variance_times_cost(work, best):
-    assert work.best_numbers == best
-
-
 def test_the_cheapest_of_the_good_ones_is_taken():
     """Whatever the work is: nothing cheaper is within a tenth of the least product."""
     rng = np.random.default_rng(0)

@@ -19,7 +19,6 @@ from hybrid_rt.rendering.limits import DEFAULT_DEPTH
 from hybrid_rt.rendering.renderer import render
 from hybrid_rt.rendering.units import per_cent
 from hybrid_rt.scene.compiled import compile_scene
-from hybrid_rt.scene.plan import explain
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 
@@ -206,28 +205,6 @@ def test_what_photons_cannot_measure_is_said(scene):
 
 
 class TestSentences:
-    def test_of_a_room_with_a_point_light_a_mirror_and_a_glass_ball(self):
-        scene = room(MIRROR, BALL)
-        for integrator in ("path", "whitted"):
-            report = render(scene, integrator, 4).report
-            text = summary.in_words(report)
-            light = f"the light that {integrator} finds"
-            assert report["picture_holds"].startswith(light)
-            assert f"  left out  {integrator} does not find light of lamps without area" in text
-            assert "the image mean lacks 0.0" in text
-            assert "of what is found, by 2,000 photons;\n" in text
-            assert f"image mean of {light}" in text
-            stopped = text.splitlines()[-2]
-            assert stopped.startswith("  stopped")
-            assert light in stopped
-
-    def test_of_a_picture_that_holds_all(self):
-        report = render(room(lights=[AREA_LAMP]), "path", 4).report
-        assert report["picture_holds"] == "all light"
-        text = summary.in_words(report)
-        assert "left out" not in text
-        assert "image mean 0." in text
-
     def test_of_a_picture_that_is_blurred(self):
         options = PPMOptions(2000)
         for objects, is_blurred in (([MIRROR], True), ([], False)):
@@ -282,34 +259,3 @@ class TestSentences:
             else "all light in up to 3 bounces"
         )
         assert "of all light in up to 3 bounces" in text or integrator == "whitted"
-
-    def test_what_no_light_has_reached(self):
-        """Half of the picture sees nothing: its error counts as none."""
-        half = Camera((0, -1, 0.02), (0, 5, 0.02), (0, 0, 1), vertical_fov=20, width=8, height=6)
-        report = render(room(camera=half), "path", 4).report
-        assert report["noise"]["pixels_without_light"] == 24
-        assert "50 % of the pixels are black in every pass, and count as without noise" in (
-            summary.in_words(report)
-        )
-
-    def test_of_the_plan(self):
-        def plan(scene, **settings):
-            return explain(render(scene, "path", 1, **settings).report["plan"])
-
-        of_points = "what point and spot lights send that way is not found"
-        assert f"  - light paths: no light has an area; {of_points}" in plan(room(MIRROR))
-        both = plan(room(MIRROR, lights=[LAMP, AREA_LAMP]))
-        assert f"paths from them find that; {of_points}" in both
-        assert "  + photons: a few estimate the image mean and the light that is not found" in both
-        alone = plan(room(MIRROR, lights=[AREA_LAMP]))
-        assert "paths from them find that\n" in alone
-        assert "  + photons: a few estimate the image mean; the picture holds none of them" in alone
-
-    @pytest.mark.parametrize(
-        ("setting", "why"), [({"light_paths": 0.0}, "light_paths=0"), ({"strategy": "lights"}, "'lights'")]
-    )  # fmt: skip
-    def test_of_the_plan_without_light_paths(self, setting, why):
-        options = INTEGRATORS["path"].options(**setting)
-        scene = room(MIRROR, lights=[AREA_LAMP])
-        left_out = render(scene, "path", 1, options=options).report["plan"]["light"]["left_out"]
-        assert why in left_out["light paths"]

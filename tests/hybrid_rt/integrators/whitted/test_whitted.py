@@ -93,30 +93,12 @@ def test_shadow_rays_of_many_lights_are_bounded_by_the_block(monkeypatch):
     assert max(most) <= 150
 
 
-def test_floor_lit_from_behind_is_black():
-    scene = Scene(
-        pixel((1, 0, 2), (1, 0, 0)), [floor(Lambertian(1.0))], [PointLight((0, 0, -3), 10)]
-    )
-    assert not radiance(scene).any()
-
-
 def test_phong_highlight_in_the_mirror_direction():
     scene = Scene(
         pixel((-2, 0, 2), (0, 0, 0)), [floor(Phong(0.3, 0.5, 40.0))], [PointLight((2, 0, 2), 8)]
     )
     f = 0.3 / math.pi + 0.5 * 42 / (2 * math.pi)
     np.testing.assert_allclose(radiance(scene), f * math.sqrt(0.5) * 8 / 8, rtol=FLOAT32)
-
-
-def test_matt_floor_under_the_corner_of_a_rectangle_light():
-    a, b, height = 1.5, 0.7, 0.9
-    light = RectangleLight((0, 0, height), (0, b, 0), (a, 0, 0), (1, 2, 3))
-    scene = Scene(pixel((0, 0, 0.5), (0, 0, 0)), [floor(Lambertian(0.5))], [light])
-    p, q = math.hypot(a, height), math.hypot(b, height)
-    irradiance = 0.5 * (a / p * math.atan(b / p) + b / q * math.atan(a / q))
-    # A scrambled net of 1024 points on a smooth integrand is good to about 1e-4.
-    found = radiance(scene, passes=1024)
-    np.testing.assert_allclose(found, 0.5 / math.pi * irradiance * np.array([1, 2, 3]), rtol=3e-4)
 
 
 def test_matt_floor_under_an_open_sky():
@@ -312,23 +294,11 @@ def picture():
     return render(busy_scene(), passes=3, seed=4).image
 
 
-@pytest.mark.parametrize("threads", [1, 2, 3])
-def test_threads_change_no_bit(picture, threads):
-    again = render(busy_scene(), passes=3, seed=4, threads=threads).image
-    np.testing.assert_array_equal(again, picture)
-
-
 @pytest.mark.parametrize("block", [37, 100, 1000])
 def test_size_of_blocks_changes_no_bit(picture, block, monkeypatch):
     monkeypatch.setattr(workers, "BLOCK", block)
     monkeypatch.setattr(whitted, "BLOCK", block)
     np.testing.assert_array_equal(render(busy_scene(), passes=3, seed=4).image, picture)
-
-
-def test_seed_changes_the_noise_and_not_the_picture(picture):
-    other = render(busy_scene(), passes=3, seed=5).image
-    assert (other != picture).any()
-    assert other.mean() == pytest.approx(picture.mean(), rel=0.03)
 
 
 def test_lens_blurs_and_the_closed_lens_is_the_pinhole(picture):

@@ -16,7 +16,6 @@ from hybrid_rt import (
     render,
 )
 from hybrid_rt.lights import RectangleLight
-from hybrid_rt.rendering.report_warnings import warnings_in_words
 from hybrid_rt.scene.compiled import compile_scene
 from hybrid_rt.scene.lint.in_one_plane import surfaces_in_one_plane
 from meshing import TrimmedSurface, circle, polygon
@@ -82,16 +81,6 @@ def test_glass_and_one_material_are_left_alone():
     paint = Lambertian(0.5)
     scene = Scene(CAMERA, [Object(WALL, paint), Object(within, paint)], [LAMP])
     assert surfaces_in_one_plane(compile_scene(scene)) == []
-
-
-def test_the_warning_names_both():
-    wall = Object(Rectangle((-2, 0, 0), (4, 0, 0), (0, 0, 2)), Lambertian(0.5), "wall")
-    mirror = Object(Rectangle((-1, 0, 0.5), (2, 0, 0), (0, 0, 1)), Mirror(0.9), "mirror")
-    report = render(Scene(CAMERA, [wall, mirror], [LAMP]), passes=1).report
-    assert report["surfaces_in_one_plane"] == [["object 'wall'", "object 'mirror'"]]
-    assert any(
-        "'wall' and object 'mirror' lie in one plane" in line for line in warnings_in_words(report)
-    )
 
 
 TURNED = [[0.8, -0.6, 0, 3], [0.6, 0.8, 0, -1], [0, 0, 1, 0.5], [0, 0, 0, 1]]
