@@ -381,8 +381,8 @@ class Intersector:
         """Find every crossing of each ray. A shared edge, a seam or a pole counts once.
 
         So does a place where the surfaces of two objects coincide within the bounds of both: one of them
-        is named. But of two faces within the gap of an edge (`EDGE`), one met from in front and one from
-        behind, both are there. Where a ray grazes a surface both crossings are there, however near each other, unless
+        is named. But of two faces back to back, as of bodies that touch, and of two within the gap of an edge (`EDGE`),
+        one met from in front and one from behind, both are there. Where a ray grazes a surface both crossings are there, however near each other, unless
         moving the ray by the band or so could take them away: then they may count as one, or be left out,
         and a ray that passes by may count one. A row that stands for such a pair says TANGENT. No row tells
         of a pair that was left out, nor of a crossing that rounding alone puts beyond ``t_max``;
