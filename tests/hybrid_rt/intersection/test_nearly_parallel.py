@@ -4,7 +4,7 @@ import numpy as np
 import trimesh
 from exact_vectors import cross, dot, exact, minus
 
-from hybrid_rt import Intersector, Plane, Status, TriangleMesh
+from hybrid_rt import Box, Intersector, Plane, Status, TriangleMesh
 
 
 def rays_with_lost_products(normal, n, seed):
@@ -91,3 +91,37 @@ def test_needles_are_met_though_their_normals_have_no_digits():
                 assert not is_met or abs(hits.t[k] - t) <= hits.t_bound[k]
     assert met > 600
     assert sure > 10
+
+
+def test_rays_along_an_edge_of_a_turned_box_enter_it():
+    """Beside one of its faces, by less than the slope's rounding tells; far from 0 this takes a ray far."""
+    matrix = trimesh.transformations.rotation_matrix(0.7, (1, 2, 3))
+    matrix[:3, 3] = 1e6, -8e5, 1.1e6
+    box = Box((-2, -0.5, -0.5), (-1.2, 0.5, 0.7)).transformed(matrix)
+    rng = np.random.default_rng(4)
+    n = 4000
+    weight = np.column_stack(
+        [
+            rng.choice([0.0, 1.0], n) + rng.normal(0, 1e-11, n),
+            rng.uniform(0, 1, n),
+            np.full(n, -0.3),
+        ]
+    )
+    o = box.lo + weight @ box.edges
+    d = box.edges[2] / np.linalg.norm(box.edges[2]) + 1e-7 * rng.normal(size=(n, 1)) * box.across[1]
+    hits = Intersector(box, threads=1).intersect(o, d)
+    edges, corner = [exact(edge) for edge in box.edges], exact(box.lo)
+    sides = [cross(edges[k - 2], edges[k - 1]) for k in range(3)]
+    volume = dot(edges[0], sides[0])
+    is_met = []
+    for p, way in zip(o, d, strict=True):
+        start, step = minus(exact(p), corner), exact(way)
+        first, last = 0, 10
+        for side in sides:
+            at, rate = dot(side, start) / volume, dot(side, step) / volume
+            ends = sorted((-at / rate, (1 - at) / rate))
+            first, last = max(first, ends[0]), min(last, ends[1])
+        is_met.append(first < last)
+    assert 0.1 < np.mean(is_met) < 0.9
+    differs = hits.hit != np.array(is_met)
+    assert (hits.status[differs] == Status.TANGENT).all()
