@@ -31,13 +31,15 @@ AT_START, ROUNDED = 1.0, 8.0
 # Up to so many eps it is certainly the point of departure. Farther away it may as well be another
 # crossing, such as the other side of a ridge.
 SURELY_ROUNDED = 3.0
+# Of how far rounding may have moved an image, so many count for the band (docs/intersection.md).
+MOVED = {"Rectangle": 32.0, "TurnedBox": 11.0}
 
 
 @dataclass(frozen=True)
 class Placed:
     """A crossing with its object.
 
-    ``band``: 64 eps x scale of the object and ray, scene units.
+    ``band``: see `ExactScene.band`, scene units.
     """
 
     object_id: int
@@ -62,6 +64,7 @@ class ExactScene:
         self.exact = [judged_of(surface) for surface in self.surfaces]
         self._crossers = [exact.crosser() for exact in self.exact]
         self._balls = [exact.ball() for exact in self.exact]
+        self._moved = [MOVED.get(type(s).__name__, 1.0) * s.moved for s in self.surfaces]
 
     def crossings(
         self, origin: FloatArray, direction: FloatArray, shift: Sequence[float] = (0.0, 0.0, 0.0)
@@ -83,16 +86,16 @@ class ExactScene:
         return max((size for _, size in self._balls if size is not None), default=1.0)
 
     def narrow_band(self, number: int) -> float:
-        """Return 64 eps x size of an object, wherever the ray begins; 0 for a plane."""
-        return BAND * (self._balls[number][1] or 0.0)
+        """Return 64 eps x size of an object, wherever the ray begins; of a plane what it was moved."""
+        return BAND * (self._balls[number][1] or 0.0) + self._moved[number]
 
     def band(self, number: int, origin: FloatArray, direction: FloatArray, t: float) -> float:
-        """Return 64 eps x scale of an object and a ray."""
+        """Return 64 eps x scale of an object and a ray, and what rounding has moved its image."""
         middle, size = self._balls[number]
         away = math.dist(middle, origin)
         if size is None:  # a plane: as far as the point that is met
             size = abs(t) * norm(direction) if math.isfinite(t) else 0.0
-        return BAND * max(away, size)
+        return BAND * max(away, size) + self._moved[number]
 
     def shifts(self, direction: FloatArray, radius: float) -> list[list[float]]:
         """Return eight vectors of a length across a direction."""
