@@ -186,13 +186,15 @@ class RayMeshIntersector:
     def _faces_met(
         self, points: FloatArray, direction: FloatArray, found: Crossings
     ) -> NDArray[np.int64]:
-        """Return how many faces each ray crosses: where two bodies touch there are two."""
+        """Return how many faces each ray crosses: two where it enters, or leaves, two bodies at once."""
         count = found.count
         if len(self.intersector.surfaces) < 2 or not len(found):
             return count
         directions = np.tile(direction, (len(found), 1))
         others = coincident_hits(self.intersector, points[found.ray], directions, found.hits)
-        return count + np.bincount(found.ray[others.hit], minlength=len(points))
+        # Where it leaves one and enters the other both have a row.
+        is_left_out = others.hit & (others.front_face == found.hits.front_face)
+        return count + np.bincount(found.ray[is_left_out], minlength=len(points))
 
     def _begin(self, origins: ArrayLike, directions: ArrayLike) -> tuple[Intersector, FloatArray]:
         """Return the tracer and, for each ray, the t within rounding before its start."""

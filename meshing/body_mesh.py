@@ -143,7 +143,19 @@ def _without_flaps(
         counts = np.bincount(number[kept].ravel(), minlength=number.max(initial=-1) + 1)[number]
         goes &= (counts == 1).any(axis=1) & (counts > 2).any(axis=1)
         if not goes.any():
-            return kept, off
+            break
+    # Several that hang together on edges of more than two go at once, where that leaves no edge of one.
+    goes, is_bad = kept & (height <= gap), kept
+    while is_bad.any():
+        left = np.bincount(number[kept & ~goes].ravel(), minlength=number.max(initial=-1) + 1)
+        is_bad = goes & (left[number] % 2 == 1).any(axis=1)
+        goes &= ~is_bad
+    flaps, grown = goes & (counts > 2).any(axis=1), goes
+    while grown.any():
+        touched = np.bincount(number[flaps].ravel(), minlength=number.max(initial=-1) + 1) > 0
+        grown = goes & ~flaps & touched[number].any(axis=1)
+        flaps |= grown
+    return kept & ~flaps, off + float(height[flaps].max(initial=0.0))
 
 
 def _with_edges_of_two(

@@ -112,31 +112,61 @@ def split(knots: FloatArray, degree: int, least: float = 0.0) -> Splitting:
         short += [(len(pieces) - 1, *span) for span in waiting]
         pieces[-1] = (*pieces[-1][:2], waiting[-1][2])
     first: list[int] = []
-    wanted: list[tuple[int, float, float, int]] = []
+    wanted: list[tuple[int, list[float]]] = []
     for k, a, b in pieces:
         shares = bool(first) and a not in breaks
         first.append(len(wanted) - 1 if shares else len(wanted))
-        wanted += [(k, a, b, j) for j in range(1 if shares else 0, degree + 1)]
+        wanted += _ends(degree, k, a, b)[1 if shares else 0 :]
     spans = [
         (float((a - low) / (high - low)), float((b - low) / (high - low))) for _, a, b in pieces
     ]
-    of_neighbour = [(pieces[n][0], a, b, j) for n, _, a, b in short for j in range(degree + 1)]
-    of_own = [(k, a, b, j) for _, k, a, b in short for j in range(degree + 1)]
+    of_neighbour = [one for n, _, a, b in short for one in _ends(degree, pieces[n][0], a, b)]
+    of_own = [one for _, k, a, b in short for one in _ends(degree, k, a, b)]
     return Splitting(
         _blossoms(knots, degree, wanted), first, spans, _blossoms(knots, degree, of_neighbour),
-        _blossoms(knots, degree, of_own), [k for k, _, _, _ in of_own],
+        _blossoms(knots, degree, of_own), [k for k, _ in of_own],
     )  # fmt: skip
 
 
-def _blossoms(knots: FloatArray, degree: int, wanted: list[tuple[int, float, float, int]]) -> Rows:
-    """Return blossoms of the polynomial of span k, with j arguments b and the others a."""
-    span, j = (np.array([w[c] for w in wanted], np.int64) for c in (0, 3))
-    a, b = (np.array([w[c] for w in wanted]) for c in (1, 2))
+def lengthened(
+    net: FloatArray, knots: FloatArray, degree: int, low: float, high: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return control points (n, ...) and knots of a spline whose domain reaches from ``low`` to ``high`` at least.
+
+    Beyond its ends the polynomials of the first and the last span go on.
+    """
+    n = len(net)
+    begin, end = knots[degree], knots[n]
+    longer, net = knots.copy(), net.copy()
+    if low < begin:
+        longer[knots <= begin] = low
+    if high > end:
+        longer[knots >= end] = high
+    spans = np.searchsorted(knots, begin, "right") - 1, np.searchsorted(knots, end, "left") - 1
+    # A point is the blossom at its knots, of any span that they reach.
+    rows = [i for i in range(n) if (longer != knots)[i + 1 : i + degree + 1].any()]
+    wanted = [
+        (int(spans[int(longer[i + degree] > end)]), longer[i + 1 : i + degree + 1].tolist())
+        for i in rows
+    ]
+    net[rows] = combined(_blossoms(knots, degree, wanted), pair_of(net))[0]
+    return net, longer
+
+
+def _ends(degree: int, k: int, a: float, b: float) -> list[tuple[int, list[float]]]:
+    """Return what the Bezier points of span k between a and b are blossoms at."""
+    return [(k, [b] * j + [a] * (degree - j)) for j in range(degree + 1)]
+
+
+def _blossoms(knots: FloatArray, degree: int, wanted: list[tuple[int, list[float]]]) -> Rows:
+    """Return blossoms of the polynomials of spans, each at ``degree`` arguments."""
+    span = np.array([k for k, _ in wanted], np.int64)
+    arguments = np.array([at for _, at in wanted]).reshape(-1, degree)
     n = degree + 1
     high, low = np.zeros((n, len(wanted), n)), np.zeros((n, len(wanted), n))
     high[np.arange(n), :, np.arange(n)] = 1.0
     for level in range(1, n if wanted else 0):
-        x = np.where(level <= j, b, a)
+        x = arguments[:, level - 1]
         i = np.arange(level, n)[:, None]
         begin, end = knots[span - degree + i], knots[span + i + 1 - level]
         at = np.broadcast_to(x, end.shape)

@@ -4,7 +4,8 @@ python tools/bench_growth.py [--most 100000] [--rays 100000] [--out growth.json]
 
 Each table is of a kind of scene. Its things stand on a cubic grid, 1.2 sizes apart, and rays run through
 random points of the grid: so at each N as many things lie along a ray as at any other, up to the cube root of
-N. Or a thing stands on a floor N times as large, and rays run through the thing. Seconds are those of the processor, the least of three rounds in which N take turns.
+N. Or a thing stands beside others of its kind that are N times as large or far away, and rays run through the
+thing. Seconds are those of the processor, the least of three rounds in which N take turns.
 """
 
 import argparse
@@ -74,6 +75,24 @@ def faces_on_faces(n: int) -> list[Any]:
     return [TriangleMesh(both)]
 
 
+def patches_on_patch(n: int) -> list[Any]:
+    """Return the same as one object."""
+    pot, floor = pot_on_patch(n)
+    return [BezierPatches([*pot.patches, *floor.patches])]
+
+
+def groups(n: int) -> list[Any]:
+    """Return n groups of 27 boxes, 1e6 times their size apart."""
+    spots = places(n, 3e6)
+    at = ((spots - spots[0])[:, None] + places(27, 1.0)).reshape(-1, 3)
+    return [Box(p - 0.33, p + 0.33) for p in at]
+
+
+def three_sizes(n: int) -> list[Any]:
+    """Return boxes in a cube, as many n times as large around them, and these n times as large again."""
+    return [Box(s * (p - 0.33), s * (p + 0.33)) for s in (1.0, n, n * n) for p in places(216, 1.0)]
+
+
 def teapots(n: int) -> list[Any]:
     """Return one teapot in many places, turned at random."""
     rng, surface = np.random.default_rng(1), teapot()
@@ -87,11 +106,17 @@ ROWS: dict[str, Callable[[int], list[Any]]] = {
     "instances": teapots,
     "five kinds": five_kinds,
     "teapot on a floor N times as large": pot_on_patch,
+    "patches in one object with a floor N times as large": patches_on_patch,
     "ball in one mesh with a floor N times as large": faces_on_faces,
+    "boxes of three sizes, each N times the last": three_sizes,
+    "N groups of boxes": groups,
 }
 # What rays run through, where that is not all of a scene: its corners.
 AIMED = {
     "teapot on a floor N times as large": teapot().bounds,
+    "patches in one object with a floor N times as large": teapot().bounds,
+    "boxes of three sizes, each N times the last": np.array([(-4.0, -4, -4), (4, 4, 4)]),
+    "N groups of boxes": np.array([(-2.0, -2, -2), (2, 2, 2)]),
     "ball in one mesh with a floor N times as large": np.array([(-1.0, -1, -1), (1, 1, 1)]),
 }
 

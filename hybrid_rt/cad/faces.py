@@ -31,7 +31,7 @@ from hybrid_rt.primitives.torus import Torus
 from meshing import NurbsSurface, SurfaceOfRevolution, TrimmedSurface
 from meshing.checks import FloatArray
 from meshing.double_double import pair_of
-from meshing.knots import combined, split
+from meshing.knots import combined, lengthened, split
 from meshing.surface import Surface
 
 TURN = 2.0 * math.pi
@@ -43,6 +43,8 @@ NEARLY_WHOLE = 0.98
 IN_PLANE, MEETING = 1e-10, 1e-12
 # Radii up to this part of a profile are on its axis.
 NEARLY_ZERO = 1e-7
+# Splines go on beyond their ends by at most this part of the last span: as polynomials soon run away.
+LONGEST_REACH = 0.02
 # Points along u and v by which the box of a face is found.
 GRID = 33
 # Arcs of conics are at most so long, in radians (or in the hyperbolic angle).
@@ -274,12 +276,14 @@ def conic_arcs(
     return found
 
 
-def _profile(face: Raw, begin: int) -> tuple[list[Segment], Any]:
+def _profile(face: Raw, begin: int, *, pads: bool = False) -> tuple[list[Segment], Any]:
     """Return the Bezier pieces of a profile in space; of a spline also degree, points, weights, knots."""
     form, numbers = face.size[0], face.numbers[begin:]
     first, last = numbers[:2].tolist()
     if form != SPLINE:
         frame, radii = numbers[2:14].reshape(4, 3), (float(numbers[14]), float(numbers[15]))
+        if pads and (form != ELLIPSE or last - first < NEARLY_WHOLE * TURN):
+            first, last = _padded(first, last, face.gap / min(radii))
         return conic_arcs(frame[:3], radii, first, last, form), None
     degree, n, is_rational = face.size[1:4]
     points, rest = numbers[2 : 2 + 3 * n].reshape(n, 3), numbers[2 + 3 * n :]
@@ -338,6 +342,14 @@ def _turned(
     """Return the surfaces of a turned profile: one for each run of radii of one sign."""
     origin, axis, x = frame
     size = max(float(np.abs(s.points).max()) for s in segments)
+    low, high = extent(loops)[:, 1].tolist()
+    for k in (0, -1):
+        s = segments[k]
+        speed = float(_lengths(s.points)) / (s.end - s.begin)
+        longer = _reaching(s, _padded(low, high, face.gap / speed)[k])
+        # What ends at the axis does not go on beyond it.
+        if s.points[k, 1] * longer.points[k, 1] > (NEARLY_ZERO * size) ** 2:
+            segments[k] = longer
     runs: list[tuple[int, list[Segment]]] = []
     for s in [piece for whole in segments for piece in _cut_at_axis(whole)]:
         radii = np.where(np.abs(s.points[:, 1]) <= IN_PLANE * size, 0.0, s.points[:, 1])
@@ -365,6 +377,28 @@ def _turned(
     return found
 
 
+def _reaching(s: Segment, v: float) -> Segment:
+    """Return a piece of a profile that goes on to v, where it ends before."""
+    reach = LONGEST_REACH * (s.end - s.begin)
+    v = min(max(v, s.begin - reach), s.end + reach)
+    if s.begin <= v <= s.end:
+        return s
+    form, middle = s.bend
+    ends = [s.begin, s.end, v]
+    if form != SPLINE:
+        of = math.tan if form == ELLIPSE else math.tanh
+        ends = [of(0.5 * (x - middle)) for x in ends]
+    at, is_beyond = (ends[2] - ends[0]) / (ends[1] - ends[0]), v > s.end
+    net = halved(_homogeneous(s), at)[0 if is_beyond else 1]
+    points, w = net[:, :2] / net[:, 2:], None if s.weights is None else net[:, 2]
+    return Segment(min(v, s.begin), max(v, s.end), points, w, s.bend)
+
+
+def _homogeneous(s: Segment) -> FloatArray:
+    w = np.ones(len(s.points)) if s.weights is None else s.weights
+    return np.column_stack([s.points * w[:, None], w])
+
+
 def _cut_at_axis(s: Segment) -> list[Segment]:
     """Return the parts of a piece of a profile on either side of the axis that it crosses."""
     radii = s.points[:, 1]
@@ -374,8 +408,7 @@ def _cut_at_axis(s: Segment) -> list[Segment]:
         points = s.points.copy()  # it was meant to end there
         points[0 if abs(radii[0]) < abs(radii[-1]) else -1, 1] = 0.0
         return [replace(s, points=points)]
-    w = np.ones(len(radii)) if s.weights is None else s.weights
-    net = np.column_stack([s.points * w[:, None], w])
+    net = _homogeneous(s)
     low, high = 0.0, 1.0
     for _ in range(60):
         at = 0.5 * (low + high)
@@ -405,8 +438,8 @@ def _turn(loops: Loops, gap: float) -> tuple[Axis, tuple[float, float]]:
 
 def _extrusion(face: Raw) -> list[Part]:
     direction, (low, high) = face.numbers[:3], face.numbers[3:5].tolist()
-    segments, spline = _profile(face, 5)
     low, high = _padded(low, high, face.gap)
+    segments, spline = _profile(face, 5, pads=True)
     if spline is not None:
         degree, points, weights, knots = spline
     else:
@@ -452,12 +485,21 @@ def _sheet(
     loops = gathered(closed_loops(face.wires, periods), periods, begin)
     if not loops:
         raise RefusedFaceError("it has no loop of edges")
+    homogeneous = net if weights is None else np.dstack([net * weights[..., None], weights])
     for axis, degree in enumerate(degrees):
         low, high = extent(loops)[:, axis]
         if not periods[axis] or (low >= begin[axis] and high <= end[axis]):
-            net, weights, knots[axis] = _shortened(
-                net, weights, knots[axis], degree, axis, low, high
-            )
+            speed = float(_lengths(net, axis).mean()) / (end[axis] - begin[axis])
+            rows, knots[axis] = _within_reach(
+                homogeneous.swapaxes(0, axis), knots[axis], degree,
+                *_padded(low, high, face.gap / max(speed, 1e-300)), bool(periods[axis]),
+            )  # fmt: skip
+            homogeneous = rows.swapaxes(0, axis)
+    if weights is not None:
+        weights = homogeneous[..., 3]
+        net = homogeneous[..., :3] / weights[..., None]
+    else:
+        net = homogeneous
     u, v = (even_axis(*_domain(k, d)) for k, d in zip(knots, degrees, strict=True))
     return [
         Part(
@@ -492,25 +534,36 @@ def _closed(
     return net, weights, closes
 
 
-def _shortened(
-    net: FloatArray, weights: FloatArray | None, knots: FloatArray, degree: int, axis: int,
-    low: float, high: float,
-) -> tuple[FloatArray, FloatArray | None, FloatArray]:  # fmt: skip
-    """Return a spline without the spans that its loops do not reach; what is left stays as it is."""
-    n = net.shape[axis]
-    margin = BEYOND * (knots[n] - knots[degree])
-    spans = [
-        k for k in range(degree, n)
-        if knots[k + 1] > max(knots[k], low - margin) and knots[k] < high + margin
-    ]  # fmt: skip
+def _lengths(net: FloatArray, axis: int = 0) -> FloatArray:
+    """Return the lengths of the polygons of control points along an axis."""
+    lengths: FloatArray = np.linalg.norm(np.diff(net, axis=axis), axis=-1).sum(axis=axis)
+    return lengths
+
+
+def _within_reach(
+    net: FloatArray, knots: FloatArray, degree: int, low: float, high: float, closes: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Return a spline without the spans outside of a range; to its ends the first and the last of the others go on.
+
+    But not beyond a point, nor a seam.
+    """
+    n = len(net)
+    spans = [k for k in range(degree, n) if knots[k + 1] > max(knots[k], low) and knots[k] < high]
     if not spans:
-        return net, weights, knots
-    first, last = spans[0] - degree, spans[-1] + 1
-    rows = slice(first, last)
-    net = net[rows] if axis == 0 else net[:, rows]
-    if weights is not None:
-        weights = weights[rows] if axis == 0 else weights[:, rows]
-    return net, weights, knots[first : last + degree + 1]
+        return net, knots
+    first, last = spans[0], spans[-1]
+    if closes and knots[first] == knots[degree] and knots[last + 1] == knots[n]:
+        return net, knots
+    net, knots = net[first - degree : last + 1], knots[first - degree : last + degree + 2]
+    ends = knots[[degree, degree + 1, -degree - 2, -degree - 1]]
+    points = net[..., :3] / net[..., 3:] if net.shape[-1] > 3 else net
+    size = np.ptp(points.reshape(-1, 3), axis=0).max()
+    is_point = [np.ptp(points[k], axis=0).max() <= MEETING * size for k in (0, -1)]
+    low = ends[0] if is_point[0] else max(low, ends[0] - LONGEST_REACH * (ends[1] - ends[0]))
+    high = ends[3] if is_point[1] else min(high, ends[3] + LONGEST_REACH * (ends[3] - ends[2]))
+    longer, reaching = lengthened(net, knots, degree, low, high)
+    has_weights = net.shape[-1] == 3 or bool((longer[..., 3] > 0.0).all())
+    return (longer, reaching) if has_weights else (net, knots)
 
 
 BUILDERS = {

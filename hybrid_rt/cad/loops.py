@@ -67,9 +67,13 @@ class Axis:
         for k, (form, middle) in enumerate(self.bends):
             here = (np.asarray(segment) == k) & (share > 0.0) & (share < 1.0)
             if form != SPLINE and here.any():
-                of = np.tan if form == ELLIPSE else np.tanh
-                first, last = of(0.5 * (self.native[k : k + 2] - middle))
-                share[here] = (of(0.5 * (x[here] - middle)) - first) / (last - first)
+                # Differences of tangents, (tan x - tan a) / (tan b - tan a), without cancellation.
+                sine, cosine = (np.sin, np.cos) if form == ELLIPSE else (np.sinh, np.cosh)
+                first, last = self.native[k : k + 2]
+                share[here] = (
+                    sine(0.5 * (x[here] - first)) / sine(0.5 * (last - first))
+                    * cosine(0.5 * (last - middle)) / cosine(0.5 * (x[here] - middle))
+                )  # fmt: skip
         image: FloatArray = np.where(share == 1.0, high, low + share * (high - low))
         return image
 
@@ -219,6 +223,8 @@ def _mapped(curve: Curve2, k: int, axis: Axis) -> list[Curve2]:
     """Return a curve with coordinate k mapped: cut at the breaks of the axis, refitted where it is bent."""
     low, width = axis.native[0], axis.native[-1] - axis.native[0]
     breaks = (axis.native - low) / width
+    # From its lowest value on: so far from 0 short segments have no less digits.
+    near = Axis(axis.native - low, axis.unit, tuple((form, at - low) for form, at in axis.bends))
     found = []
     for piece in _cut_at(curve, k, breaks):
         x = piece.control[:, k]
@@ -226,7 +232,7 @@ def _mapped(curve: Curve2, k: int, axis: Axis) -> list[Curve2]:
         segment = min(max(segment, 0), len(breaks) - 2)
 
         def image(x: FloatArray, segment: int = segment) -> FloatArray:
-            y = axis.along(low + x * width, segment)
+            y = near.along(x * width, segment)
             y = np.where(x == breaks[segment], axis.unit[segment], y)
             return np.where(x == breaks[segment + 1], axis.unit[segment + 1], y)
 

@@ -496,7 +496,8 @@ def _surfaces(
     if (jump := max(part.jump() for part in parts)) > AGREES * size:
         raise ValueError(f"a loop jumps by {jump:.3g} where it has no edge")
     if (off := _off(parts, uv, xyz)) > AGREES * size + 2.0 * bound:
-        raise ValueError(f"its surface is {off:.3g} from OpenCASCADE's")
+        how = f"is {off:.3g} from OpenCASCADE's" if np.isfinite(off) else "ends before its edges do"
+        raise ValueError(f"its surface {how}")
     return found, np.concatenate([part.extremes() for part in parts])
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Surface
-from OCP.BRepBuilderAPI import BRepBuilderAPI_Sewing
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace, BRepBuilderAPI_Sewing
 from OCP.BRepClass3d import BRepClass3d_SolidClassifier
 from OCP.BRepTools import BRepTools, BRepTools_WireExplorer
 from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as Map
@@ -55,6 +55,8 @@ from hybrid_rt.cad.records import ELLIPSE, FACE, HYPERBOLA, KINDS, MM, SAMPLES, 
 # Where parts of curves are compared with the whole. OpenCASCADE moves their ends to knots nearby (6e-7 was
 # seen); wrong ones are off by their size.
 CHECKS, WRONG = (0.03, 0.31, 0.52, 0.77, 0.99), 1e-5
+# A border of a surface that is no longer than this is a point.
+LEAST_BORDER = 1e-7
 # Kinds of surfaces, with the methods that tell the sizes of elementary ones ("": none), and of conics.
 SURFACES: dict[str, tuple[str, ...]] = {
     "Geom_Plane": ("plane", "", ""),
@@ -219,7 +221,7 @@ class Extraction:
     ) -> None:
         face = TopoDS.Face(shape)
         is_reversed = (face.Orientation() == Way.TopAbs_REVERSED) != flips.Contains(face)
-        forward = TopoDS.Face(face.Oriented(Way.TopAbs_FORWARD))
+        forward = _bordered(TopoDS.Face(face.Oriented(Way.TopAbs_FORWARD)))
         kind, bound, reason, surface = "other", 0.0, "", None
         size: list[int] = []
         numbers: list[Any] = []
@@ -355,6 +357,15 @@ def _found(shape: Any, *kinds: Any) -> Iterator[Any]:
 def _stored(shape: Any, kind: Any) -> Iterator[Any]:
     """Yield the immediate parts of one kind."""
     return (part for part in _each(TopoDS_Iterator(shape), "Value") if part.ShapeType() == kind)
+
+
+def _bordered(face: Any) -> Any:
+    """Return a face with edges along the border of its surface where it is stored without any."""
+    surface = BRep_Tool.Surface_s(face)
+    if surface is None or any(_stored(face, Kind.TopAbs_WIRE)):
+        return face
+    made = BRepBuilderAPI_MakeFace(surface, LEAST_BORDER)
+    return TopoDS.Face(made.Face().Oriented(Way.TopAbs_FORWARD)) if made.IsDone() else face
 
 
 def _in_order(wire: Any, face: Any) -> list[Any]:

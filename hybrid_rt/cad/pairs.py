@@ -17,6 +17,8 @@ OUTSIDE, INSIDE = True, False
 def in_pairs(crossings: Crossings, body: NDArray[np.int64]) -> tuple[Crossings, BoolArray]:
     """Leave out rows within gaps of edges so that entries and exits of each body alternate.
 
+    Where two solids of a body touch, one is left before the other is entered.
+
     Parameters
     ----------
     crossings : Crossings
@@ -35,6 +37,7 @@ def in_pairs(crossings: Crossings, body: NDArray[np.int64]) -> tuple[Crossings, 
     keeps, is_paired = np.ones(len(crossings), np.bool_), np.ones(len(crossings.count), np.bool_)
     order = np.lexsort((np.arange(len(body)), body, crossings.ray))
     key = np.stack([crossings.ray[order], body[order]])
+    place = np.arange(len(body))
     ends = np.flatnonzero(np.any(np.diff(key, axis=1) != 0, axis=0)) + 1
     for begin, end in pairwise([0, *ends.tolist(), len(order)]):
         rows = order[begin:end]
@@ -45,13 +48,30 @@ def in_pairs(crossings: Crossings, body: NDArray[np.int64]) -> tuple[Crossings, 
             continue
         kept = _fewest_left_out(front.tolist(), is_free[rows].tolist())
         if kept is None:
+            t, bound = crossings.hits.t[rows], crossings.hits.t_bound[rows]
+            is_tied = (np.diff(t) <= bound[1:] + bound[:-1]).tolist()
+            rows = rows[_in_turn(front.tolist(), is_tied)]
+            kept = _fewest_left_out(is_front[rows].tolist(), is_free[rows].tolist())
+        if kept is None:
             is_paired[crossings.ray[rows[0]]] = False
         else:
+            place[np.sort(rows)] = rows
             keeps[rows] = kept
     keeps |= ~is_paired[crossings.ray]
-    ray = crossings.ray[keeps]
+    place = place[keeps[place]]
+    ray = crossings.ray[place]
     offsets = np.searchsorted(ray, np.arange(len(crossings.count) + 1)).astype(np.int64)
-    return Crossings(crossings.hits[keeps], ray, offsets), is_paired
+    return Crossings(crossings.hits[place], ray, offsets), is_paired
+
+
+def _in_turn(front: list[bool], is_tied: list[bool]) -> list[int]:
+    """Return an order of the crossings of a ray in which tied neighbours come as what the ray meets next."""
+    order, state = list(range(len(front))), OUTSIDE
+    for k, tied in enumerate(is_tied):
+        if tied and front[order[k]] != state and front[k + 1] == state:
+            order[k : k + 2] = k + 1, order[k]
+        state ^= front[order[k]] == state
+    return order
 
 
 def _fewest_left_out(front: list[bool], free: list[bool]) -> list[bool] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from hybrid_rt.core.ledger import Ledger
@@ -26,3 +26,8 @@ class RenderContext:
     max_depth: int
     options: Any = None
     """Settings of the integrator, or None for those it has by itself."""
+
+    def with_own_counts(self, **changes: Any) -> RenderContext:
+        """Return the same inputs but for some changes, with counts of their own."""
+        tracer, ledger = self.tracer.with_own_counters(), Ledger(self.ledger.now)
+        return replace(self, tracer=tracer, ledger=ledger, **changes)

@@ -9,28 +9,27 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
-from hybrid_rt.integrators.kernels.compaction import (
+from hybrid_rt.integrators.kernels.compaction import add_unblocked
+from hybrid_rt.integrators.kernels.light_sampling import (
+    Lamps,
+    Receivers,
     ShadowRays,
-    add_unblocked,
     choose_lights,
-    pack_shadow_rays,
+    sample_lights,
 )
-from hybrid_rt.integrators.light_points import pdf_area_of_hits, seen_points
+from hybrid_rt.integrators.light_points import new_light_points, pdf_area_of_hits, seen_points
+from hybrid_rt.integrators.rows import new_rows, rows_of
 from hybrid_rt.integrators.shading import NO_MEDIA, NO_NORMALS, NO_RATIO, Shading, mesh_points
 from hybrid_rt.scene.compiled import NOTHING
-from hybrid_rt.shading.kernels.emitter import UNWEIGHTED, Met, light_on_hits, light_on_rays
+from hybrid_rt.shading.kernels.emitter import UNWEIGHTED, Met, light_on_rays
 from hybrid_rt.shading.kernels.light_kinds import LightPoints
 from hybrid_rt.shading.kernels.lobes.register import SPREADS, WIDE
-from hybrid_rt.shading.kernels.medium_stack import (
-    STACK,
-    look_beyond,
-    take_media_toward,
-    weaken_by_ways,
-)
+from hybrid_rt.shading.kernels.medium_stack import STACK, look_beyond
 from hybrid_rt.shading.kernels.mesh_points import MeshPoints, shading_normals, texture_points
+from hybrid_rt.shading.kernels.scatter import ConnectionPdf
 from hybrid_rt.shading.kernels.texture import lobe_colors
 
-NO_CONNECTION = np.zeros(0)
+NO_CONNECTION = NO_FACTOR = np.zeros(0)
 NO_LOBES = np.zeros(0, dtype=np.int32)
 NONE_SMOOTH = np.zeros(0, dtype=np.bool_)
 
@@ -199,18 +198,15 @@ class SurfaceLight:
         return self._pdf_area(hits, self._light_met(hits), origins, pdf, connection_pdf)
 
     def points_of_one(self, hits: HitRecord, xi: FloatArray) -> LightPoints:
-        """Sample points on the lights of kind `SURFACE` that next-event estimation chooses.
+        """Sample points on the lights of kind `SURFACE` that next-event estimation chooses; see `from_one`."""
+        light = self._choose(xi)
+        return seen_points(self._context.scene, hits.position, self.material(hits), light, xi)
 
-        Parameters
-        ----------
-        hits : HitRecord of n rows
-        xi : (n, 2) float64 in [0, 1), changed
-            As in `from_one`.
-        """
-        scene = self._context.scene
+    def _choose(self, xi: FloatArray) -> IntArray:
+        """Choose a light for each row, (n,) int32, by its probability; rescale the number for reuse."""
         light = np.empty(len(xi), dtype=np.int32)
-        choose_lights(self._before, scene.lights.chance, xi, light)
-        return seen_points(scene, hits.position, self.material(hits), light, xi)
+        choose_lights(self._before, self._context.scene.lights.chance, xi, light)
+        return light
 
     @property
     def rough_glass_of(self) -> IntArray:
@@ -223,15 +219,8 @@ class SurfaceLight:
             return NO_NORMALS
         normal = np.empty_like(hits.normal)
         shading_normals(
-            self.meshes,
-            hits.object_id,
-            hits.patch_id,
-            hits.u,
-            hits.v,
-            directions,
-            hits.normal,
-            normal,
-        )
+            self.meshes, hits.object_id, hits.patch_id, hits.u, hits.v, directions, hits.normal, normal
+        )  # fmt: skip
         return normal
 
     def from_one(
@@ -265,52 +254,48 @@ class SurfaceLight:
             raise ValueError(
                 "SurfaceLight.from_one samples one light for all of them: make it with LIGHT_ONLY or BOTH"
             )
-        scene = self._context.scene
-        light = np.empty(len(shading.hits), dtype=np.int32)
-        choose_lights(self._before, scene.lights.chance, xi, light)
-        to_light, value = self._sample_lights(shading, light, xi)
-        rays = shadow_rays(light.size)
-        n_rays = self._pack(shading, camera_ray, throughput, media, light, to_light, value, rays)
+        rays, paths = shadow_rays(len(xi)), self._receivers(shading, camera_ray, throughput, media)
+        n_rays = self._sample_lights(shading, paths, self._choose(xi), NO_FACTOR, xi, rays, 0)
         self.add_unblocked(rays, n_rays, radiance)
 
-    def _pack(
+    def _receivers(
         self,
         shading: Shading,
         camera_ray: NDArray[np.int64],
         throughput: FloatArray,
         media: IntArray,
-        light: IntArray,
-        to_light: FloatArray,
-        value: FloatArray,
+    ) -> Receivers:
+        no_points = new_light_points(0)
+        object_id = shading.hits.object_id
+        return Receivers(camera_ray, object_id, throughput, media, shading.beyond, no_points)
+
+    def _sample_lights(
+        self,
+        shading: Shading,
+        paths: Receivers,
+        light_id: IntArray,
+        factor: FloatArray,
+        xi: FloatArray,
         rays: ShadowRays,
+        n_rays: int,
     ) -> int:
-        """Attenuate what lights send to hits, and write the shadow rays; return their number."""
+        """Sample a point of a light for each hit; write shadow rays, and return their number then."""
         scene, hits = self._context.scene, shading.hits
-        if media.shape[1]:
-            if shading.ratio.size:
-                media = media.copy()
-                take_media_toward(hits.normal, shading.directions, to_light, shading.beyond, media)
-            weaken_by_ways(media, scene.lobes, to_light, light < scene.n_lights, value)
-        return pack_shadow_rays(
-            camera_ray, throughput, hits.object_id, hits.position, light, scene.surface_of_light,
-            to_light, value, rays,
+        points = seen_points(scene, hits.position, shading.material, light_id, xi)
+        none = ConnectionPdf(hits.t, hits.t, NONE_SMOOTH, hits.object_id, NO_CONNECTION)
+        lamps = Lamps(scene.lights, scene.sky, scene.textures, scene.surface_of_light, scene.lobes)
+        n: int = sample_lights(
+            lamps, self._strategy, self._traits, shading.vertices, paths._replace(light_point=points),
+            light_id, factor, none, xi, rays, n_rays,
         )  # fmt: skip
+        return n
 
     def add_unblocked(self, rays: ShadowRays, n_rays: int, radiance: FloatArray) -> None:
-        """Trace shadow rays; add the values of the unoccluded ones.
-
-        Parameters
-        ----------
-        rays : ShadowRays
-        n_rays : int
-            Number of rows to use.
-        radiance : (rows, 3) float64, changed
-            Rows ``rays.camera_ray`` are added to.
-        """
+        """Trace the first shadow rays; add the values of the unoccluded ones to their rows of ``radiance``."""
         if n_rays == 0:
             return
         context = self._context
-        rays = ShadowRays(*(column[:n_rays] for column in rays))
+        rays = rows_of(rays, slice(n_rays))
         context.ledger.rays["shadow"] += n_rays
         with context.ledger.stage("shadow rays"):
             blocked = context.tracer.occluded(
@@ -321,19 +306,6 @@ class SurfaceLight:
                 target=NamedPoints(rays.target_id, rays.end),
             )
         add_unblocked(rays.camera_ray, rays.follows, blocked, rays.value, radiance)
-
-    def _sample_lights(
-        self, shading: Shading, light_id: IntArray, xi: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Sample a point of each light; return the vectors there and the unoccluded radiance."""
-        scene = self._context.scene
-        to_light, value = np.empty_like(shading.directions), np.empty_like(shading.directions)
-        light_on_hits(
-            scene.lights, scene.sky, scene.textures,
-            seen_points(scene, shading.hits.position, shading.material, light_id, xi), light_id,
-            scene.lobes, shading.vertices, xi, self._strategy, self._traits, to_light, value,
-        )  # fmt: skip
-        return to_light, value
 
     def _across(
         self, hits: HitRecord, material: IntArray, media: IntArray, second: IntArray
@@ -372,17 +344,7 @@ class SurfaceLight:
 
 def shadow_rays(n: int) -> ShadowRays:
     """Allocate n shadow rays."""
-    return ShadowRays(
-        camera_ray=np.empty(n, dtype=np.int64),
-        origin=np.empty((n, 3)),
-        way=np.empty((n, 3)),
-        t_max=np.empty(n),
-        end=np.empty((n, 3)),
-        source_id=np.empty(n, dtype=np.int32),
-        target_id=np.empty(n, dtype=np.int32),
-        value=np.empty((n, 3)),
-        follows=np.empty(n, dtype=np.bool_),
-    )
+    return new_rows(ShadowRays, n, "i8, 3f8, 3f8, f8, 3f8, i4, i4, 3f8, ?")
 
 
 def largest_channel(color: FloatArray) -> FloatArray:

@@ -15,6 +15,7 @@ from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.media.beginnings import MediaAroundCamera
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
+from hybrid_rt.integrators.rows import rows_of
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.sensor.passes import group_of
 
@@ -45,12 +46,6 @@ class CameraBlock:
     # (n, 3)
     origins: FloatArray
     directions: FloatArray
-
-    def rows(self, rows: NDArray[np.intp]) -> CameraBlock:
-        """Return some of the rays."""
-        return CameraBlock(
-            self.pixel[rows], self.sample[rows], self.origins[rows], self.directions[rows]
-        )
 
 
 class Integrator(ABC):
@@ -137,7 +132,7 @@ class Integrator(ABC):
         radiance = np.zeros_like(block.directions)
         for media, rows in self._media_around_camera.groups(block.origins):
             self._camera_media = media
-            radiance[rows] = self._radiance(block.rows(rows))
+            radiance[rows] = self._radiance(rows_of(block, rows))
         return radiance
 
     def _through(self, pixel: UIntArray, sample: UIntArray) -> CameraBlock:

@@ -70,13 +70,7 @@ def pdf_area_of_hits(
 
 def new_light_points(n: int) -> LightPoints:
     """Allocate n light points; no rows if no light is of kind `SURFACE`."""
-    return LightPoints(
-        position=np.zeros((n, 3)),
-        normal=np.zeros((n, 3)),
-        pdf_area=np.zeros(n),
-        u=np.zeros(n),
-        v=np.zeros(n),
-    )
+    return LightPoints(*(np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n), np.zeros(n), np.zeros(n)))
 
 
 def _points(

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, replace
-from queue import SimpleQueue
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from threading import local
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +18,7 @@ from hybrid_rt.core.records import FloatArray
 from hybrid_rt.core.threads import as_done
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.integrator import BLOCK, Integrator
-
-if TYPE_CHECKING:
-    from hybrid_rt.integrators.photons.figures import PhotonFigures
+from hybrid_rt.integrators.photons.figures import NO_BLUR, Blur, PhotonFigures
 
 # Camera rays of the passes that are traced together: enough blocks for every thread, while the
 # radiances of all of them stay small.
@@ -31,51 +28,6 @@ LEAST = 1024
 
 # Hands work and an item to the next free integrator.
 Submit = Callable[[Callable[[Any, Any], Any], Any], "Future[Any]"]
-
-
-# The blur of the mean is estimated to first order in the radius of the discs. In corners they lose light
-# twice: there it was up to so many times the estimate.
-CORNERS = 1.2
-
-
-@dataclass(frozen=True)
-class Blur:
-    """The blur (bias) of a picture: root mean squares over pixels and channels.
-
-    As for noise (`hybrid_rt.sensor.film.Film`), the relative figures divide each square by
-    x^2 + 0.01.
-    """
-
-    # Estimates; None if not above their own noise
-    absolute: float | None
-    # Upper limits at about 95 % confidence; None if unknown
-    absolute_at_most: float | None
-    relative: float | None
-    relative_at_most: float | None
-    # By how much the image mean is too bright (too dark, if negative), and the standard error of
-    # that estimate; None if unknown
-    of_mean: float | None
-    of_mean_error: float | None
-
-    @property
-    def counted(self) -> float:
-        """The blur that counts toward a target: the relative estimate, else its limit, else inf."""
-        if self.relative is not None:
-            return self.relative
-        return math.inf if self.relative_at_most is None else self.relative_at_most
-
-    @property
-    def of_mean_at_most(self) -> float:
-        """How far the image mean may be off by it, at about 95 % confidence; 0 if unknown.
-
-        An estimate below its own noise counts as it is: otherwise the interval of every mean would be
-        that of the estimate's noise.
-        """
-        blur, error = abs(self.of_mean or 0.0), self.of_mean_error or 0.0
-        return CORNERS * blur + 2.0 * error if blur > 2.0 * error else blur
-
-
-NO_BLUR, UNKNOWN_BLUR = Blur(*(0.0,) * 6), Blur(*(None,) * 6)
 
 
 @dataclass(frozen=True)
@@ -122,7 +74,7 @@ class Workers:
         self, context: RenderContext, threads: int, make: Callable[[RenderContext], Integrator]
     ) -> None:
         self.context = context
-        self._contexts = [_own_counters(context) for _ in range(threads)]
+        self._contexts = [context.with_own_counts() for _ in range(threads)]
         self._integrators = [make(own) for own in self._contexts]
         self._submit: Submit | None = None
         self._integrators[0].begin()
@@ -229,20 +181,12 @@ class Workers:
         if len(self._integrators) == 1:
             yield self._at_once
             return
-        idle: SimpleQueue[Integrator] = SimpleQueue()
-        for integrator in self._integrators:
-            idle.put(integrator)
-
-        def do(work: Callable[[Any, Any], Any], item: Any) -> Any:
-            integrator = idle.get()
-            try:
-                return work(integrator, item)
-            finally:
-                idle.put(integrator)
-
+        free, own = list(self._integrators), local()
         with heard_at_stops():
-            executor = ThreadPoolExecutor(len(self._integrators), thread_name_prefix="hybrid_rt")
-            self._submit = lambda work, item: executor.submit(do, work, item)
+            executor = ThreadPoolExecutor(
+                len(free), "hybrid_rt", lambda: setattr(own, "integrator", free.pop())
+            )
+            self._submit = lambda work, item: executor.submit(lambda: work(own.integrator, item))
             try:
                 yield self._submit
             finally:
@@ -321,8 +265,3 @@ def add_work(total: dict[str, int], more: Mapping[str, int]) -> None:
     """Add counters of the intersector to others."""
     for name, count in more.items():
         total[name] = max(total[name], count) if name.startswith("most") else total[name] + count
-
-
-def _own_counters(context: RenderContext) -> RenderContext:
-    tracer = context.tracer.with_own_counters()
-    return replace(context, tracer=tracer, ledger=Ledger(context.ledger.now))

@@ -19,6 +19,8 @@ MOST_CROSSINGS = 1_000_000
 # Crossings of adjoining pieces are one up to so many roundings of their coordinates, if their bounds
 # allow that. Farther apart they are the ends of a wall that the ray runs in.
 SAME = 64.0
+# Normals of faces that touch are opposite up to 1e-6; those at a folded edge are not.
+BACK_TO_BACK = -1.0 + 2.0**-40
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,8 @@ def find_crossings(
     A root is the crossing before it, met again, if the bounds of both allow them the same t and the
     surface is crossed the same way: so it is where patches share a point (an edge, a seam, a pole) and
     at mesh edges. So are points where different objects coincide; the lower ``object_id`` is reported. But
-    faces within the gap of an edge are not where one is crossed from in front and one from behind.
+    faces are not where one is crossed from in front and one from behind, if they are within the gap of an edge,
+    or back to back, as those of bodies that touch.
     Rounding may have moved patches of one object apart that were meant to share a border: what is
     crossed twice the same way, so near that coordinates round by more, is one crossing, of status
     TANGENT. A ray that is tangent to a surface without crossing it may have one row there.
@@ -173,16 +176,18 @@ def _met_again(
     meets = np.isfinite(hits.t_bound) & (step <= hits.t_bound + last.t_bound)
     rounding = _rounding(last, reach)
     is_near, is_far = across <= rounding, across > SAME * rounding
-    is_same = hits.object_id == last.object_id
+    is_same = (hits.object_id == last.object_id) & (hits.instance_id == last.instance_id)
     is_piece = is_same & (hits.patch_id == last.patch_id)
     goes_on = before * after > 0.0
     # Two faces of an edge, one met from in front and one from behind, are two crossings: their bounds, which
     # hold the gap, say nothing about that.
     is_edge = ((last.flags | hits.flags) & Flag.EDGE) != 0
-    opposes = np.einsum("ij,ij->i", last.normal, hits.normal) < 0.0
-    turns = is_same & ~is_piece & ~goes_on & opposes & is_near & ~is_edge
+    cosine = np.einsum("ij,ij->i", last.normal, hits.normal)
+    turns = is_same & ~is_piece & ~goes_on & (cosine < 0.0) & is_near & ~is_edge
+    # One body is left where another begins.
+    is_apart = is_edge | (cosine < BACK_TO_BACK)
     borders = is_same & ~is_piece & goes_on & (is_near | (meets & ~is_far))
-    is_one = (~is_same & (goes_on | ~is_edge)) | (is_piece & goes_on)
+    is_one = (~is_same & (goes_on | ~is_apart)) | (is_piece & goes_on)
     again = hits.hit & ((meets & is_one) | borders | turns)
     return again, turns | (is_same & (is_far | ~meets))
 

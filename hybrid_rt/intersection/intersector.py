@@ -55,6 +55,7 @@ from hybrid_rt.intersection.kinds.registry import (
 from hybrid_rt.intersection.limits import Limit
 from hybrid_rt.intersection.margins import Probing, settle
 from hybrid_rt.intersection.ray_batch import Batch, make_batch
+from hybrid_rt.intersection.walks import MANY_TREES, Walks
 from meshing.surface import Surface
 
 if TYPE_CHECKING:
@@ -163,6 +164,15 @@ class Intersector:
         else:
             self.plan["left_out"]["embree"] = "nothing to tessellate and no triangle mesh"
         self._number_kinds()
+        # Guesses serve kinds that trace by themselves, unless they have so many trees that a walk is better.
+        walkable = [
+            (number, kind)
+            for number, kind in enumerate([*self._direct, *self._curved])
+            if number < len(self._direct)
+            or self._coarse is None
+            or (accuracy == "certified" and kind.n_trees >= MANY_TREES)
+        ]
+        self._walks = Walks(walkable, self._kind_of)
         self.counters: dict[str, int] = dict.fromkeys(
             (
                 "rays", "single_rays", "shadow_rays", "hits", "tangent", "misses", "coarse_hits",
@@ -206,7 +216,7 @@ class Intersector:
         from hybrid_rt.intersection.single_rays import SingleRayTracer
 
         kinds = [*self._direct, *self._curved]
-        return SingleRayTracer(kinds, self._kind_of, self.surfaces, self._reach)
+        return SingleRayTracer(kinds, self._kind_of, self._reach)
 
     def count_single_rays(
         self, status: IntArray, hits: IntArray, shadow: IntArray, work: FloatArray
@@ -371,8 +381,8 @@ class Intersector:
         """Find every crossing of each ray. A shared edge, a seam or a pole counts once.
 
         So does a place where the surfaces of two objects coincide within the bounds of both: one of them
-        is named. But of two faces within the gap of an edge (`EDGE`), one met from in front and one from
-        behind, both are there. Where a ray grazes a surface both crossings are there, however near each other, unless
+        is named. But of two faces back to back, as of bodies that touch, and of two within the gap of an edge (`EDGE`),
+        one met from in front and one from behind, both are there. Where a ray grazes a surface both crossings are there, however near each other, unless
         moving the ray by the band or so could take them away: then they may count as one, or be left out,
         and a ray that passes by may count one. A row that stands for such a pair says TANGENT. No row tells
         of a pair that was left out, nor of a crossing that rounding alone puts beyond ``t_max``;
@@ -413,17 +423,23 @@ class Intersector:
         watch: Stopwatch,
     ) -> None:
         """Lower ``best`` for a slice of rays, by the stages of the accuracy."""
+        walks, coarse = self._walks, self._coarse
+        curved = [kind for kind in self._curved if kind not in walks.kinds]
+        if coarse is None or (any_hit and self.accuracy == "certified"):
+            direct, curved = [*direct, *curved], []
         for kind in direct:
-            kind.trace(rays, None, best, any_hit, tally)
-        if self._coarse is None or (any_hit and self.accuracy == "certified"):
-            for kind in self._curved:
+            if kind not in walks.kinds:
                 kind.trace(rays, None, best, any_hit, tally)
-        elif self.accuracy == "certified":
-            guesses = self._coarse.propose(self._curved, rays, best, found, watch)
-            for kind, guess in zip(self._curved, guesses, strict=True):
+        if walks.kinds:
+            walks.trace(rays, best, any_hit, tally)
+        if coarse is None or not (curved or self.accuracy == "mesh"):
+            return
+        if self.accuracy == "certified":
+            guesses = coarse.propose(curved, rays, best, found, watch)
+            for kind, guess in zip(curved, guesses, strict=True):
                 kind.trace(rays, guess, best, any_hit, tally)
         else:
-            self._coarse.refine(self._curved, rays, best, tally, found, watch)
+            coarse.refine(curved, rays, best, tally, found, watch)
 
     def _describe_none(self) -> None:
         """Call the kernels that describe hits, of no rays."""

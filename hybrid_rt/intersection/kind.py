@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from operator import attrgetter
 from typing import Any, NamedTuple, Protocol
 
@@ -40,16 +40,27 @@ class OneRow(NamedTuple):
     work: FloatArray  # as `Kind.trace` takes it
 
 
+class Bottom(NamedTuple):
+    """The calls that trace one ray through a tree, or a table, and the box of what is in it."""
+
+    box: FloatArray  # (2, 3), see `hybrid_rt.intersection.members.box_of`
+    first: list[StoredCall]
+    any_hit: list[StoredCall]
+
+
 class Single(NamedTuple):
     """The calls that trace one ray; see `Kind.single`."""
 
-    first: list[StoredCall]
-    any_hit: list[StoredCall]
+    bottoms: list[Bottom]
     describe: list[StoredCall]
 
 
 class Kind(Protocol):
     """One kind of surface: finds roots for a slice of rays, and describes the first hits."""
+
+    @property
+    def n_trees(self) -> int:
+        """Number of trees that a ray may walk through; 0: `trace` is all there is, but for single rays."""
 
     def trace(
         self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
@@ -135,9 +146,22 @@ def widen_bounds(
         best.t_bound[rows] += moved[best.primitive[rows]] / slope
 
 
+def bottom(box: FloatArray, calls: Callable[[bool], list[StoredCall]]) -> Bottom:
+    """Return a bottom, given what stores its calls for first hits (False) and for any hits (True)."""
+    return Bottom(box, calls(False), calls(True))
+
+
 def calls_of(kinds: Sequence[Single]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the addresses of all calls, and where those of each kind for each purpose begin, (k, 4)."""
-    lists = [some for single in kinds for some in single]
+    lists = [
+        some
+        for bottoms, describe in kinds
+        for some in (
+            [call for one in bottoms for call in one.first],
+            [call for one in bottoms for call in one.any_hit],
+            describe,
+        )
+    ]
     ends = np.cumsum([0, *map(len, lists)])
     begins = np.array([ends[3 * k : 3 * k + 4] for k in range(len(kinds))], np.int64)
     return np.array([call.address for some in lists for call in some], np.int64), begins.reshape(

@@ -45,6 +45,7 @@ class Aim(NamedTuple):
     band: FloatArray  # (k,) float64: 64 eps x scale, world units
     outward: FloatArray  # (k, 3) float64: a unit normal of the ray; at a border, straight across it
     is_edge: BoolArray  # (k,) bool: there is one border nearby, and nothing else
+    frame: FloatArray  # (k,) float64: size of all that shares its frame, world units
 
 
 class Probes(NamedTuple):
@@ -63,10 +64,6 @@ Search: TypeAlias = Callable[[Probes, Nearest, FloatArray], None]
 @runtime_checkable
 class Probing(Kind, Protocol):
     """A kind of surface that leaves some of its hits `SUSPECT`."""
-
-    @property
-    def frame(self) -> float:
-        """Size of all its surfaces, world units."""
 
     @property
     def searches(self) -> tuple[Search, ...]:
@@ -100,7 +97,7 @@ def settle(
     length = np.linalg.norm(here.direction, axis=1)
     grazes = slope < CLEAR_CROSSING * length
     across = np.cross(here.direction / length[:, None], aim.outward)
-    widest = WIDEST * kind.frame
+    widest = WIDEST * aim.frame
     stays, moved = aim.band <= widest, np.zeros(len(rows))
 
     def still_met(search: Search, k: Rows, aside: FloatArray) -> BoolArray:
@@ -109,14 +106,14 @@ def settle(
             return np.zeros(0, np.bool_)
         probes, band = _rows_of(here, k), aim.band[k]
         _widen(probes, band * np.maximum(1.0, 1.0 / length[k]))
-        found, record = new_nearest(t[k] + 2.0 * widest / length[k]), new_record(len(k))
+        found, record = new_nearest(t[k] + 2.0 * widest[k] / length[k]), new_record(len(k))
         search(Probes(probes, aside, best, rows[k]), found, work)
         kind.finish(probes, found, kind_of, number, finished_part(record))
         with np.errstate(all="ignore"):  # normals of misses are nothing
             slack = SAME * band * (1.0 / slope[k] + 1.0 / _slopes(record.normal, probes))
             slack += 2.0 * (t_bound[k] + found.t_bound)
             gap = np.abs(found.t - t[k])
-        same: BoolArray = (found.object_id == object_id[k]) & (gap * length[k] <= widest)
+        same: BoolArray = (found.object_id == object_id[k]) & (gap * length[k] <= widest[k])
         same &= ~(gap > slack)
         np.maximum.at(moved, k[same], gap[same])
         return same

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.core.records import BoolArray, FloatArray
+from hybrid_rt.core.records import FloatArray
 from meshing.surface import Surface, box_around
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.kernels.search.members import Members
+    from hybrid_rt.intersection.kernels.search.tree import Tree
 
 # Surfaces so much larger than the usual one would fill the tree's boxes: they are asked by all rays.
 # A room may have more walls than things in it, so the usual one is not the median.
@@ -22,11 +23,16 @@ LEAF_SIZE = 2
 SMALL = 2.0**-12
 # Parts of one surface: boxes are then widened by a sixteenth of the part.
 SMALL_PART = 2.0**-15
-# Clusters are told apart on a grid of so many cells a side. Each frame costs each ray some 50 ns.
-CELLS, MOST_CELLS, MOST_FRAMES = 64, 4096, 16
+# Clusters are told apart on a grid of so many cells a side. A ray asks kinds one after the other, some 50 ns
+# each; trees of a kind, where there are many of them, by a tree over these (`search.bottoms`).
+CELLS, MOST_CELLS, MOST_FRAMES, MOST_TREES = 64, 4096, 16, 1024
+# Fewer things are as well told apart by their own tests as by a tree.
+FEW = 8
 
 
-def in_frames(bounds: FloatArray, smallest: float = SMALL) -> list[NDArray[np.int64]]:
+def in_frames(
+    bounds: FloatArray, smallest: float = SMALL, most: int = MOST_FRAMES, few: int = 1
+) -> list[NDArray[np.int64]]:
     """Sort boxes into groups, each of which has a frame of its own.
 
     A frame cannot tell apart what is small beside it: its trees are of float32. So what is small lies in
@@ -34,6 +40,7 @@ def in_frames(bounds: FloatArray, smallest: float = SMALL) -> list[NDArray[np.in
 
     ``bounds`` (n, 2, 3).
     ``smallest``: what is smaller, over the extent of all, is small.
+    ``most`` groups; a cluster of less than ``few`` is no group.
     Returns list of index arrays, the rows of each group in rising order.
     """
     todo, groups = [np.arange(len(bounds))], list[NDArray[np.int64]]()
@@ -43,16 +50,18 @@ def in_frames(bounds: FloatArray, smallest: float = SMALL) -> list[NDArray[np.in
         low, high = bounds[rows, 0].min(axis=0), bounds[rows, 1].max(axis=0)
         extent = float(np.linalg.norm(high - low))
         is_small = size[rows] < smallest * extent
-        small, large = rows[is_small], rows[~is_small]
+        small = rows[is_small]
         middle = 0.5 * (bounds[small, 0] - low) + 0.5 * (bounds[small, 1] - low)
         parts = [small[k] for k in _clusters(middle, extent / CELLS)] if small.size else []
-        n = len(todo) + len(groups) + len(parts) + (large.size > 0)
-        if not parts or n > MOST_FRAMES or (len(parts) == 1 and not large.size):
+        parts = [part for part in parts if len(part) >= few]
+        rest = np.setdiff1d(rows, np.concatenate([*parts, rows[:0]]))
+        n = len(todo) + len(groups) + len(parts) + (rest.size > 0)
+        if not parts or n > most or (len(parts) == 1 and not rest.size):
             groups.append(rows)
             continue
         todo += parts
-        if large.size:
-            groups.append(large)
+        if rest.size:
+            groups.append(rest)
     return groups
 
 
@@ -68,15 +77,19 @@ def _clusters(points: FloatArray, pitch: float) -> list[NDArray[np.int64]]:
     return [np.flatnonzero(of_point == k) for k in np.unique(of_point)]
 
 
-def asked_by_all(size: FloatArray, many: int) -> BoolArray:
-    """Tell which surfaces are asked by all rays, (n,) bool; the others go into a tree.
+def by_size(size: FloatArray, many: int) -> list[NDArray[np.int64]]:
+    """Sort surfaces by size: rows of those that are asked by all rays; of those that share trees, largest first.
 
-    ``size`` (n,) is as `meshing.surface.Surface.size`; fewer than ``many`` others are asked as well.
+    ``size`` (n,) is as `meshing.surface.Surface.size`; fewer than ``many`` have no tree.
     """
-    is_large: BoolArray = size > LARGE * np.quantile(size, USUAL)
-    if np.count_nonzero(~is_large) < many:
-        is_large[:] = True
-    return is_large
+    large, groups = np.arange(len(size)), list[NDArray[np.int64]]()
+    while len(large) >= many:
+        is_large = size[large] > LARGE * np.quantile(size[large], USUAL)
+        if np.count_nonzero(~is_large) < many:
+            break
+        groups.insert(0, large[~is_large])
+        large = large[is_large]
+    return [large, *groups]
 
 
 def in_order(
@@ -90,18 +103,18 @@ def in_order(
     ``n_plain``: how many these are.
     ``in_trees``: the others, a tree for each frame.
     """
-    is_plain = asked_by_all(np.array([surface.size for surface in surfaces]), many)
-    order, n_plain = np.argsort(~is_plain, kind="stable"), int(np.count_nonzero(is_plain))
-    if n_plain == len(surfaces):
-        return order, n_plain, []
-    bounds = np.array([surfaces[k].bounds for k in order[n_plain:]])
-    moved = np.array([surfaces[k].moved for k in order[n_plain:]])
+    plain, *sizes = by_size(np.array([surface.size for surface in surfaces]), many)
+    if not sizes:
+        return plain, len(plain), []
+    bounds = np.array([surface.bounds for surface in surfaces])
+    moved = np.array([surface.moved for surface in surfaces])
     bounds += 2.0 * moved[:, None, None] * np.array([-1.0, 1.0])[:, None]
-    groups = in_frames(bounds)
-    begins = n_plain + np.cumsum([0, *map(len, groups)])
+    groups = [
+        some[rows] for some in sizes for rows in in_frames(bounds[some], most=MOST_TREES, few=FEW)
+    ]
+    begins = len(plain) + np.cumsum([0, *map(len, groups)])
     trees = [tree_over(bounds[rows], int(n)) for rows, n in zip(groups, begins, strict=False)]
-    order[n_plain:] = order[n_plain:][np.concatenate(groups)]
-    return order, n_plain, trees
+    return np.concatenate([plain, *groups]), len(plain), trees
 
 
 def tree_over(bounds: FloatArray, begin: int, leaf_size: int = LEAF_SIZE) -> Members:
@@ -112,6 +125,21 @@ def tree_over(bounds: FloatArray, begin: int, leaf_size: int = LEAF_SIZE) -> Mem
     middle, to_frame = frame_of(*box_around(bounds))
     lower, upper = (bounds[:, 0] - middle) * to_frame, (bounds[:, 1] - middle) * to_frame
     return Members(Tree(*build_tree(lower, upper, leaf_size)), begin, middle, to_frame)
+
+
+def around(surfaces: Sequence[Surface]) -> FloatArray:
+    """Return a box (2, 3) around some surfaces, and by how much they may be off; without end for none."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for surface in surfaces:
+        bounds, off = surface.bounds, 2.0 * surface.moved
+        low, high = np.minimum(low, bounds[0] - off), np.maximum(high, bounds[1] + off)
+    return np.stack([low, high])
+
+
+def box_of(tree: Tree, middle: FloatArray, to_frame: float) -> FloatArray:
+    """Return a box (2, 3) around what is in a tree, given its frame: wider by the margin of its boxes."""
+    sides = np.stack([tree.rows[0, :3].min(axis=1), tree.rows[0, 3:6].max(axis=1)])
+    return middle + sides.astype(np.float64) / to_frame
 
 
 def frame_of(low: FloatArray, high: FloatArray) -> tuple[FloatArray, float]:

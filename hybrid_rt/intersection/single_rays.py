@@ -11,21 +11,22 @@ from hybrid_rt.core.records import FloatArray, IntArray
 from hybrid_rt.intersection.kernels.box import box_table
 from hybrid_rt.intersection.kernels.plane import plane_table
 from hybrid_rt.intersection.kernels.rectangle import rectangle_table
+from hybrid_rt.intersection.kernels.search.bottoms import Bottoms
 from hybrid_rt.intersection.kernels.search.counters import COUNTER_NAMES
 from hybrid_rt.intersection.kernels.search.nearest import Rays
 from hybrid_rt.intersection.kernels.search.rays import Record
+from hybrid_rt.intersection.kernels.search.tree import new_stack
 from hybrid_rt.intersection.kernels.single_rays import OneRay, SingleRays
 from hybrid_rt.intersection.kernels.sphere import sphere_table
 from hybrid_rt.intersection.kind import (
     OneRow,
     Single,
-    calls_of,
     finished_part,
     new_nearest,
     new_record,
 )
+from hybrid_rt.intersection.members import tree_over
 from hybrid_rt.intersection.ray_batch import FARTHEST, POINT_ROUNDING, locked
-from meshing.surface import Surface, box_around
 
 # Tables of kinds that are asked without a call, in the order of their numbers.
 ALONE: dict[str, Callable[..., Any]] = {
@@ -34,8 +35,10 @@ ALONE: dict[str, Callable[..., Any]] = {
     "planes": plane_table,
     "boxes": box_table,
 }
-# The box of a kind is wider by this part of its size; the band is far narrower.
+# A box is wider by this part of its size; the band is far narrower.
 WIDER = 2.0**-20
+# `Rays.known` of a ray that names no point.
+NOTHING_KNOWN = (0.0, -1.0, 0.0, -1.0, -1.0, np.nan)
 
 
 class SingleRayTracer:
@@ -50,18 +53,13 @@ class SingleRayTracer:
         self,
         kinds: Sequence[Any],
         kind_of: IntArray,
-        surfaces: Sequence[Surface],
         reach: FloatArray,
     ) -> None:
         self.ray, self.work = new_ray(), np.zeros(len(COUNTER_NAMES))
-        rays = self.ray.rays
-        row = OneRow(
-            rays._replace(origin=locked(rays.origin)), self.ray.best, self.ray.out, self.work
-        )
+        row = row_of_ray(self.ray, self.work)
         tables = {name: make([], np.zeros(0, np.int32)) for name, make in ALONE.items()}
         row_of, number_of = np.zeros(kind_of.size, np.int64), np.zeros(kind_of.size, np.int64)
         self._others: list[Single] = []  # what they hold has to live
-        boxes: list[FloatArray] = []
         for k, kind in enumerate(kinds):
             name = getattr(kind, "alone", "")
             if name:
@@ -71,18 +69,15 @@ class SingleRayTracer:
             else:
                 number_of[kind_of == k] = len(ALONE) + len(self._others)
                 self._others.append(kind.single(row, kind_of, k))
-                boxes.append(
-                    _box_of([s for s, of in zip(surfaces, kind_of, strict=True) if of == k])
-                )
         self.calls_nothing = not self._others
-        call, first_call = calls_of(self._others)
+        describe = [single.describe for single in self._others]
         self.tables = SingleRays(
             **tables,
             kind_of=number_of,
             row_of=row_of,
-            call=call,
-            first_call=first_call,
-            box=np.array(boxes).reshape(-1, 2, 3),
+            call=np.array([call.address for calls in describe for call in calls], np.int64),
+            first_call=np.cumsum([0, *map(len, describe)]),
+            bottoms=bottoms_of(self._others),
             reach=reach,
             rounding=POINT_ROUNDING,
             most=FARTHEST,
@@ -91,7 +86,7 @@ class SingleRayTracer:
 
 def no_single_rays() -> SingleRayTracer:
     """Return a tracer of no surfaces."""
-    return SingleRayTracer([], np.zeros(0, np.int32), [], np.zeros(0))
+    return SingleRayTracer([], np.zeros(0, np.int32), np.zeros(0))
 
 
 def new_ray() -> OneRay:
@@ -105,10 +100,26 @@ def new_ray() -> OneRay:
     )
 
 
-def _box_of(surfaces: Sequence[Surface]) -> FloatArray:
-    """Return what surrounds some surfaces by a distance, (2, 3)."""
-    bounds = np.array([surface.bounds for surface in surfaces])
-    low, high = box_around(bounds)
-    away = WIDER * float(np.linalg.norm(high - low)) + 2.0 * max(s.moved for s in surfaces)
-    away += POINT_ROUNDING * float(np.abs(bounds).max())
-    return np.array([low - away, high + away])
+def row_of_ray(ray: OneRay, work: FloatArray) -> OneRow:
+    """Return a ray's memory as kinds take it, and where its work is counted."""
+    return OneRow(ray.rays._replace(origin=locked(ray.rays.origin)), ray.best, ray.out, work)
+
+
+def bottoms_of(kinds: Sequence[Single]) -> Bottoms:
+    """Return what is in all kinds, which have to live as long."""
+    found = [one for single in kinds for one in single.bottoms]
+    box = np.array([one.box for one in found]).reshape(-1, 2, 3)
+    away = WIDER * np.linalg.norm(box[:, 1] - box[:, 0], axis=1)
+    away += POINT_ROUNDING * np.abs(box).max(axis=(1, 2), initial=0.0)
+    box += away[:, None, None] * np.array([-1.0, 1.0])[:, None]
+    lists = [some for calls in zip(*found, strict=True) for some in calls][len(found) :]
+    ends = np.cumsum([0, *map(len, lists)])
+    # A tree of nothing cannot be built.
+    members = tree_over(box if found else np.array([[(0.0, 0.0, 0.0), (1.0, 1.0, 1.0)]]), 0, 1)
+    return Bottoms(
+        box=box,
+        call=np.array([call.address for calls in lists for call in calls], np.int64),
+        begin=np.stack([ends[: len(found) + 1], ends[len(found) :]]),
+        members=members,
+        stack=new_stack(members.tree),
+    )

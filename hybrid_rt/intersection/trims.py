@@ -47,15 +47,15 @@ def trim_of(
     """Return the loops of trimmed surfaces.
 
     ``counts``, rows (patches) of each; ``to_frame``, lengths of the frame in a scene unit, one or
-    one per surface; ``scale`` (rows, 4), see `Trim`.
+    one per row; ``scale`` (rows, 4), see `Trim`.
     ``spans`` (rows, 4): u0, u1, v0, v1 of each row on its surface.
     """
     span = spans.copy()
     span[:, 1] -= spans[:, 0]
     span[:, 3] -= spans[:, 2]
-    gap = np.array([surface.gap for surface in surfaces]) * to_frame
+    gap = np.array([surface.gap for surface in surfaces])
     member = np.repeat(np.arange(len(surfaces)), counts).astype(np.int64)
-    return Trim(make_table(surfaces), member, span, gap[member], scale)
+    return Trim(make_table(surfaces), member, span, gap[member] * to_frame, scale)
 
 
 def no_trim() -> Trim:

@@ -182,12 +182,12 @@ def render(scene: Scene, asked: Arguments) -> RenderResult:
         with heard_anywhere(), ledger.stage("light not found"):
             unfound = None
             if left_out:
-                from hybrid_rt.integrators.photons.unfound_light import unfound_light
+                from hybrid_rt.integrators.probes.unfound_light import unfound_light
 
                 unfound = unfound_light(context, declared.finds(own))
         check = None
         if not declared.sends_photons and settings.passes != 1:
-            from hybrid_rt.integrators.photons.cross_check import CrossCheck
+            from hybrid_rt.integrators.probes.cross_check import CrossCheck
 
             check = CrossCheck(context, declared.finds(own))
         film = Film(scene.camera.height, scene.camera.width)

@@ -12,8 +12,7 @@ from hybrid_rt.core.ledger import twelve_digits
 from hybrid_rt.core.memory import peak_memory_mib
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.media.absorption import unclosed_bodies
-from hybrid_rt.integrators.photons.figures import LightNotFound
-from hybrid_rt.integrators.workers import Blur
+from hybrid_rt.integrators.photons.figures import Blur, LightNotFound
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.rendering.limits import Clock
 from hybrid_rt.rendering.report import (
@@ -44,7 +43,7 @@ from hybrid_rt.scene.scene import Scene
 from hybrid_rt.sensor.film import Film
 
 if TYPE_CHECKING:
-    from hybrid_rt.integrators.photons.cross_check import CrossCheck
+    from hybrid_rt.integrators.probes.cross_check import CrossCheck
 
 # From this share on, what max_depth cuts off is said of the picture as a whole as well; below, it is
 # less than the intervals of common renders.

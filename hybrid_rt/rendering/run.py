@@ -17,7 +17,7 @@ from hybrid_rt.rendering.watcher import STOPPED, StopAsked, Watcher
 from hybrid_rt.sensor.film import Film
 
 if TYPE_CHECKING:
-    from hybrid_rt.integrators.photons.cross_check import CrossCheck
+    from hybrid_rt.integrators.probes.cross_check import CrossCheck
     from hybrid_rt.rendering.keeper import Keeper
 
 

@@ -50,8 +50,8 @@ def rehearse_passes(scene: Scene, settings: Settings) -> None:
 
 def rehearse_checks(scene: Scene, settings: Settings) -> None:
     """Send the photons by which a render looks for light that it does not find."""
-    from hybrid_rt.integrators.photons.cross_check import CrossCheck
-    from hybrid_rt.integrators.photons.unfound_light import unfound_light
+    from hybrid_rt.integrators.probes.cross_check import CrossCheck
+    from hybrid_rt.integrators.probes.unfound_light import unfound_light
 
     declared = settings.declared
     ready, found = set_up(scene, settings, 1, Ledger()), declared.finds(settings.own)

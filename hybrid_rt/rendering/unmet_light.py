@@ -8,7 +8,7 @@ have met nothing of a kind, no more than 3 of n others would in the mean, with 9
 one has, the differences between groups of passes tell as much.
 
 A place that reflects much light, as the inside of a sphere behind a small opening, is met by chance as
-well. Photons tell how bright the brightest one is; see `hybrid_rt.integrators.photons.cross_check`.
+well. Photons tell how bright the brightest one is; see `hybrid_rt.integrators.probes.cross_check`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from hybrid_rt.shading.kernels.lobes.register import DIFFUSE, FOLLOWED
 from hybrid_rt.shading.kernels.texture import CONSTANT
 
 if TYPE_CHECKING:
-    from hybrid_rt.integrators.photons.cross_check import CrossCheck, MeanEstimate
+    from hybrid_rt.integrators.probes.cross_check import CrossCheck, MeanEstimate
     from hybrid_rt.rendering.report import MeanCheck
 
 OF_NONE_MET = 3.0

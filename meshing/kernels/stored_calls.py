@@ -127,13 +127,15 @@ class StoredCall:
 
     def __init__(self, function: Any, *arguments: Any, only_if: Returned | None = None) -> None:
         self._arguments = arguments
-        kinds = tuple(map(_type_of, arguments))
-        signature = tuple(types.int64 if isinstance(k, types.CPointer) else k for k in kinds)
-        target, returns = _compiled(function, signature)
-        stored = (types.int64, types.TypeRef(types.Tuple(kinds)), types.TypeRef(returns))
+        key = function, *map(_mark_of, arguments)
+        if key not in _FOUND:
+            kinds = tuple(map(_type_of, arguments))
+            signature = tuple(types.int64 if isinstance(k, types.CPointer) else k for k in kinds)
+            target, returns = _compiled(function, signature)
+            stored = (types.int64, types.TypeRef(types.Tuple(kinds)), types.TypeRef(returns))
+            _FOUND[key] = _compiled(_forward, stored)[0], target
         words = [
-            _compiled(_forward, stored)[0],
-            target,
+            *_FOUND[key],
             only_if.address if only_if else 0,
             *[0] * 4,
         ]
@@ -143,6 +145,17 @@ class StoredCall:
     def keep(self, others: Any) -> None:
         """Let other calls, which this one makes, live as long."""
         self._arguments += (others,)
+
+
+# Addresses of compiled code for what `_mark_of` tells of arguments: numba takes a millisecond to tell it.
+_FOUND: dict[tuple[Any, ...], tuple[int, int]] = {}
+
+
+def _mark_of(value: Any) -> Any:
+    """Return what tells the type of an argument."""
+    if isinstance(value, np.ndarray):
+        return value.dtype.str, value.ndim, value.flags.num
+    return (type(value), *map(_mark_of, value)) if isinstance(value, tuple) else type(value)
 
 
 def _type_of(argument: Any) -> Any:

@@ -3,6 +3,7 @@
 import math
 from itertools import pairwise
 
+from OCP.BRep import BRep_Builder
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
 from OCP.BRepBuilderAPI import (
     BRepBuilderAPI_MakeEdge,
@@ -31,6 +32,7 @@ from OCP.Geom import (
     Geom_Hyperbola,
     Geom_OffsetSurface,
     Geom_Parabola,
+    Geom_SphericalSurface,
     Geom_SurfaceOfLinearExtrusion,
     Geom_SurfaceOfRevolution,
     Geom_ToroidalSurface,
@@ -39,7 +41,7 @@ from OCP.gp import gp_Ax1, gp_Ax2, gp_Ax3, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.Message import Message
 from OCP.TopAbs import TopAbs_EDGE
 from OCP.TopExp import TopExp_Explorer
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Face
 
 Message.DefaultMessenger_s().ChangePrinters().Clear()
 Z = gp_Dir(0, 0, 1)
@@ -197,10 +199,19 @@ SHAPES = {
     "extruded ellipse": lambda: extruded(Geom_Ellipse(gp_Ax2(O, Z), 7.0, 4.0), -1.0, 2.5),
     "extruded hyperbola": lambda: extruded(Geom_Hyperbola(gp_Ax2(O, Z), 3.0, 4.0), -1.0, 1.3),
     "Bezier": lambda: BRepBuilderAPI_MakeFace(Geom_BezierSurface(wavy_net()), 1e-9).Face(),
+    "Bezier without edges": lambda: bare(Geom_BezierSurface(wavy_net())),
+    "ball without edges": lambda: bare(Geom_SphericalSurface(gp_Ax3(O, Z), 7.0)),
     "lobed prism": lobed_prism,
     "drilled wave": drilled_wave,
     "drilled bowl": drilled_bowl,
 }
+
+
+def bare(surface):
+    """A face that is stored without edges: its border is that of the surface."""
+    face = TopoDS_Face()
+    BRep_Builder().MakeFace(face, surface, 1e-9)
+    return face
 
 
 def offset_face(distance=0.5):
@@ -260,9 +271,6 @@ def first_hits(shape, origins, directions):
 
 def compound(shapes):
     """Return shapes as one."""
-    from OCP.BRep import BRep_Builder
-    from OCP.TopoDS import TopoDS_Compound
-
     whole, build = TopoDS_Compound(), BRep_Builder()
     build.MakeCompound(whole)
     for shape in shapes:
@@ -318,9 +326,7 @@ def write_assembly(parts, path, unit="MM"):
 
 def triangles(places, sides):
     """Return a face that is given by triangles only."""
-    from OCP.BRep import BRep_Builder
     from OCP.Poly import Poly_Triangle, Poly_Triangulation
-    from OCP.TopoDS import TopoDS_Face
 
     mesh = Poly_Triangulation(len(places), len(sides), False)
     for k, place in enumerate(places):

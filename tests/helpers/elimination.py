@@ -6,27 +6,12 @@ import flint
 import numpy as np
 
 from meshing import BezierPatches
+from proof.exact.crossings import bits, rational, value
 
 # 60 decimal digits.
 BITS = 200
 # Heights are multiples of this, and so are the entries of the shears: products stay exact.
 GRAIN = 2.0**-8
-
-
-def rational(x: float):
-    """Return a float as the fraction that it is."""
-    return flint.fmpq(*float(x).as_integer_ratio())
-
-
-def real_roots(polynomial):
-    """Return the real roots of an ``fmpq_poly``, each once, as balls of `BITS` bits."""
-    if polynomial.degree() < 1:
-        return []
-    before, flint.ctx.prec = flint.ctx.prec, BITS
-    try:
-        return [root.real for root, _ in polynomial.numer().complex_roots() if root.imag == 0]
-    finally:
-        flint.ctx.prec = before
 
 
 def bernstein(degree, k, x):
@@ -45,13 +30,7 @@ def height_field(heights, shear, origin):
     return BezierPatches([np.stack([u, v, heights], axis=-1) @ shear + origin])
 
 
-def height_field_roots(
-    heights,
-    shear,
-    at,
-    origin,
-    direction,
-):
+def height_field_roots(heights, shear, at, origin, direction):
     """Return the t of all crossings of a ray with a `height_field`, u and v from 0 to 1."""
     matrix = flint.fmpq_mat(3, 3, [rational(x) for x in shear.T.ravel()])
     start = flint.fmpq_mat(
@@ -68,33 +47,6 @@ def height_field_roots(
         for j in range(n + 1):
             row += rational(heights[i, j]) * across[j]
         gap += bernstein(m, i, u) * row
-    return [
-        t for t in real_roots(gap) if all(not (x < 0 or x > 1) for x in (_ball(u, t), _ball(v, t)))
-    ]
-
-
-def lathe_roots(segments, origin, direction):
-    """Return the t of all crossings of a ray with a profile turned about the z axis.
-
-    The ray must not be perpendicular to the axis.
-    """
-    ox, oy, oz = (rational(x) for x in origin)
-    dx, dy, dz = (rational(x) for x in direction)
-    found = []
-    for segment in segments:
-        degree = len(segment) - 1
-        s = flint.fmpq_poly([0, 1])
-        z = sum(rational(p) * bernstein(degree, k, s) for k, p in enumerate(segment[:, 0]))
-        r = sum(rational(p) * bernstein(degree, k, s) for k, p in enumerate(segment[:, 1]))
-        t = (flint.fmpq_poly([-oz]) + z) / dz
-        squares = (ox + t * dx) ** 2 + (oy + t * dy) ** 2 - r**2
-        found += [_ball(t, root) for root in real_roots(squares) if not (root < 0 or root > 1)]
-    return found
-
-
-def _ball(polynomial, x):
-    before, flint.ctx.prec = flint.ctx.prec, BITS
-    try:
-        return flint.arb_poly(polynomial)(x)
-    finally:
-        flint.ctx.prec = before
+    with bits(BITS):
+        roots = [root.real for root, _ in gap.numer().complex_roots() if root.imag == 0]
+        return [t for t in roots if not any(x < 0 or x > 1 for x in (value(u, t), value(v, t)))]

@@ -6,6 +6,8 @@
 import numpy as np
 
 from hybrid_rt import Intersector, Status
+from proof.cases.rays import hard_rays
+from proof.cases.singular_rays import interior, parallel
 from proof.exact.judge import ExactJudge
 from proof.exact.truth import ExactScene
 from proof.judge import Judge
@@ -22,34 +24,28 @@ def offsets(surface, n, rng):
     return surface.size * rng.choice(OFFSETS, n)[:, None]
 
 
-def tangents(n, rng, about, over):
-    """Unit tangents, most of them along one of the principal directions."""
-    turn = rng.integers(4, size=n) * np.pi / 2 + rng.normal(size=n) * 10.0 ** rng.uniform(-9, 1, n)
-    return np.cos(turn)[:, None] * about + np.sin(turn)[:, None] * over
-
-
-def from_far(samples):
-    """From 1e2 to 1e9 sizes away, half of them tangent."""
+def at_set(find, aim):
+    """Rays at a singular set of a surface, at all distances."""
 
     def rays(surface, n, rng):
-        points, normals, about, over = samples(surface, n, rng)
-        tangent = unit(about + rng.normal(size=(n, 1)) * over)
-        ways = np.where(rng.random((n, 1)) < 0.5, tangent, unit(rng.normal(size=(n, 3))))
-        points = points + offsets(surface, n, rng) * normals
-        return points - surface.size * 10.0 ** rng.uniform(2, 9, (n, 1)) * ways, ways
+        each = [
+            aim(find([surface], n // 10, rng), 10.0 ** -rng.uniform(1, 15), rng) for _ in range(10)
+        ]
+        return np.concatenate([r.origins for r in each]), np.concatenate(
+            [r.directions for r in each]
+        )
 
     return rays
 
 
-def leaving(samples):
-    """From the surface, to both sides, at cos 1 to 1e-8."""
+def mixed(surface, n, rng):
+    """Silhouettes, rims, from far away, along the axis, from the surface and within it."""
+    rays = hard_rays([surface], 3 * n, int(rng.integers(1 << 30)))
+    return rays.origins, rays.directions
 
-    def rays(surface, n, rng):
-        points, normals, about, over = samples(surface, n, rng)
-        side = 10.0 ** rng.uniform(-8, 0, (n, 1)) * rng.choice([-1, 1], (n, 1))
-        return points, side * normals + unit(about + rng.normal(size=(n, 1)) * over)
 
-    return rays
+# What rays at any surface there are.
+ANY_SURFACE = {"mixed": mixed, "tangents": at_set(interior, parallel)}
 
 
 def assert_decided_exactly(surface, origins, directions):

@@ -19,8 +19,9 @@ from hybrid_rt.integrators import INTEGRATORS
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.photon_steps import MET_SPECULAR, Photons
 from hybrid_rt.integrators.media.contacts import Contacts
-from hybrid_rt.integrators.photons.photon_groups import blocks_of
-from hybrid_rt.integrators.photons.photon_tracer import PHOTON_DIMENSION, PhotonTracer, joined
+from hybrid_rt.integrators.photons.emission import blocks_of
+from hybrid_rt.integrators.photons.photon_tracer import PHOTON_DIMENSION, PhotonTracer
+from hybrid_rt.integrators.rows import joined
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.sampling.sampler import Sampler
 from hybrid_rt.scene.compiled import compile_scene

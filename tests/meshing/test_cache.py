@@ -66,17 +66,8 @@ def run(folder: Path, code: str = RUN) -> tuple[float, int]:
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
-def test_a_kernel_is_compiled_anew_if_what_it_calls_has_changed(package):
-    """The function that changes is called by one that the kernel calls."""
-    assert run(package) == (6.0, 0)
-    assert run(package) == (6.0, 1)
-    write(package, 5.0, 2)
-    assert run(package) == (10.0, 0)
-    assert run(package) == (10.0, 1)
-
-
-@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 def test_the_content_of_a_file_decides_and_not_its_time(package):
+    """Of one whose function is called by one that the kernel calls."""
     assert run(package) == (6.0, 0)
     write(package, 3.0, 7)
     (package / "outer.py").touch()

@@ -15,6 +15,7 @@ from meshing import (
     bspline,
     tessellate,
 )
+from meshing.knots import lengthened
 
 KNOTS = {
     "repeated": ([0, 0, 0, 0, 1, 2, 2, 3, 3, 3, 3], 3),
@@ -236,3 +237,18 @@ def test_a_turned_profile_as_nurbs_takes_any_map():
         SurfaceOfRevolution(profile * (0.5, 2), (0, 0, 0), (0, 0, 1)).point(angle, v),
         atol=8e-15,
     )
+
+
+@pytest.mark.parametrize("name", list(KNOTS))
+@pytest.mark.parametrize(("low", "high"), [(-0.02, 1.01), (0.3, 1.02), (-0.01, 0.7), (0.2, 0.9)])
+def test_lengthened_splines_go_on_as_polynomials(name, low, high):
+    knots, degree = np.array(KNOTS[name][0], np.float64), KNOTS[name][1]
+    n = len(knots) - degree - 1
+    begin, end = knots[degree], knots[n]
+    low, high = begin + low * (end - begin), begin + high * (end - begin)
+    net = np.random.default_rng(4).normal(size=(n, 3))
+    longer, reaching = lengthened(net, knots, degree, low, high)
+    assert (reaching[degree], reaching[n]) == (min(low, begin), max(high, end))
+    x = np.linspace(min(low, begin), max(high, end), 101)[:-1]  # at breaks both sides hold
+    off = BSpline(knots, net, degree)(x) - BSpline(reaching, longer, degree)(x)
+    assert np.abs(off).max() < 1e-14 * 2**degree * np.abs(net).max()

@@ -27,7 +27,7 @@ from meshing import (
     polygon,
     tessellate,
 )
-from meshing.body_mesh import _with_edges_of_two
+from meshing.body_mesh import _with_edges_of_two, _without_flaps
 
 TUBE = Cylinder((0, 0, 0), (0, 0, 1), 1.0, 2.0)
 SQUARE = Rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0))
@@ -130,6 +130,21 @@ def test_bodies_become_watertight_and_hold_their_volume(name, tolerance):
     assert abs(mesh.volume - volume) <= 1.1 * mesh.area * result.deviation_bound
     assert result.deviation_bound <= tolerance + 5e-3 * name.endswith("gap")
     assert set(result.surface_id) == set(range(len(faces)))
+
+
+def test_flat_triangles_that_hang_together_between_two_faces_are_left_out():
+    """Two fans along a line, and between them a flap of four triangles, one of which has no such edge."""
+    line = [(x, 0.0, 0.0) for x in (0.0, 1.0, 2.0, 3.0)]
+    points = np.array([*line, (1.5, 1.0, 0.0), (1.5, -1.0, 0.0), (1.5, 0.0, 1e-4)])
+    fans = [(k, k + 1, apex) for apex in (4, 5) for k in range(3)]
+    flap = [(0, 1, 6), (1, 2, 6), (2, 3, 6), (0, 6, 3)]
+    faces = np.array([*fans, *flap])
+    kept, off = _without_flaps(points, faces, np.full(len(faces), 1e-3))
+    assert np.flatnonzero(kept).tolist() == list(range(6))
+    assert off == pytest.approx(1e-4)
+    # Alone it is a face that narrow.
+    kept, _ = _without_flaps(points, np.array(flap), np.full(4, 1e-3))
+    assert kept.all()
 
 
 def test_a_drilled_tube_has_its_hole():

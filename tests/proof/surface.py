@@ -1,7 +1,7 @@
 """The registry: how crossings with each class of surfaces are found, exactly and by the screen.
 
-A new class of surfaces needs a class derived from `ExactSurface` and one from `SurfaceFilter` in a module
-of `proof.surfaces`; they are found by themselves.
+A new class of surfaces needs a class derived from `Judged` in a module of `proof.surfaces`; it is found
+by itself.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from fractions import Fraction
-from functools import cache
-from typing import Any, ClassVar, TypeAlias, TypeVar
+from functools import cache, cached_property
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from meshing.surface import Surface
 from proof.exact.crossings import Crosser
 from proof.filters.kernels import bernstein, first
 
-Entry = TypeVar("Entry")
 Gap: TypeAlias = Callable[[int, float, float, list[Any]], float]
 """How far a rational point of a ray lies from the point of the surface that a hit names by its
 patch, u and v; rounded. Beyond its border a surface does not go on: hits there are measured from it."""
@@ -33,21 +32,26 @@ so near to it. A ray that leaves the surface (the last argument) always does the
 is no reason."""
 
 
-class ExactSurface(ABC):
-    """All crossings with one surface, in fractions and balls.
+class Judged(ABC):
+    """All crossings with one surface, in fractions and balls; and what a screen is certain of.
 
-    ``surface``: of the class that this is ``of``.
+    ``surface``: of the class that this is ``of``; None for what classes share.
     """
 
-    known: ClassVar[dict[type[Surface], type[ExactSurface]]] = {}
+    known: ClassVar[dict[type[Surface], type[Judged]]] = {}
+    # Fills in what is certain, from a table of the surface and working memory.
+    kernel: Callable[..., None] | None = None
 
-    def __init_subclass__(cls, *, of: type[Surface], **options: Any) -> None:
+    def __init_subclass__(cls, *, of: type[Surface] | None, **options: Any) -> None:
         """Register by the class of surfaces that it is ``of``."""
         super().__init_subclass__(**options)
-        ExactSurface.known[of] = cls
+        if of is not None:
+            Judged.known[of] = cls
 
     def __init__(self, surface: Any) -> None:
         self.surface = surface
+
+    # --- exact arithmetic
 
     @abstractmethod
     def crosser(self) -> Crosser:
@@ -70,27 +74,15 @@ class ExactSurface(ABC):
         low, high = self.surface.bounds
         return (0.5 * (low + high)).tolist(), float(np.linalg.norm(high - low))
 
+    # --- the screen
 
-class SurfaceFilter(ABC):
-    """What is certain of crossings with one surface.
+    def tables(self) -> tuple[Any, Any]:
+        """Return what the kernel knows of the surface, and its working memory."""
+        return None, None
 
-    ``surface``: of the class that the filter is ``of``.
-    """
-
-    known: ClassVar[dict[type[Surface], type[SurfaceFilter]]] = {}
-
-    def __init_subclass__(cls, *, of: type[Surface], **options: Any) -> None:
-        """Register by the class of surfaces that it is ``of``."""
-        super().__init_subclass__(**options)
-        SurfaceFilter.known[of] = cls
-
-    # Fills in what is certain, from a table of the surface and working memory.
-    kernel: Callable[..., None] | None = None
-
-    def __init__(self, surface: Any) -> None:
-        self.surface = surface
-        self._table: Any = None
-        self._scratch: Any = None
+    @cached_property
+    def _tables(self) -> tuple[Any, Any]:
+        return self.tables()
 
     def first(
         self, origins: FloatArray, directions: FloatArray, leaves: BoolArray, hit_t: FloatArray
@@ -106,63 +98,58 @@ class SurfaceFilter(ABC):
         if self.kernel is None:
             out[:, first.UNSURE_FROM] = -np.inf
         else:
-            self.kernel(self._table, origins, directions, leaves, hit_t, self._scratch, out)
+            table, scratch = self._tables
+            self.kernel(table, origins, directions, leaves, hit_t, scratch, out)
         return out
 
-    @abstractmethod
-    def gap(
+    def rough_gap(
         self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray
     ) -> FloatArray:
-        """Return the distances (n,) of the points ``origins + along`` from those of hits.
+        """Return the distances (n,) of the points ``origins + along`` from S(u, v) of hits.
 
         Rounded: by some eps of the distance from the origins and of the surface's size.
         """
+        points = self._local.point(u, v, patch)
+        distance: FloatArray = np.linalg.norm(points + (self.middle - origins) - along, axis=1)
+        return distance
 
-    def ball(self) -> tuple[FloatArray, float]:
-        """Return the middle and the diameter, scene units; -1 if it is unbounded."""
-        middle, size = exact_of(self.surface).ball()
-        return np.array(middle), -1.0 if size is None else size
+    @cached_property
+    def middle(self) -> FloatArray:
+        """The middle of `ball`."""
+        return np.array(self.ball()[0])
 
+    @cached_property
+    def _local(self) -> Any:
+        """The surface about its middle: far from 0 its points have more digits there."""
+        return self.surface.transformed(np.eye(4) - np.outer([*self.middle, 0.0], [0, 0, 0, 1.0]))
 
-def exact_of(surface: Any) -> ExactSurface:
-    """Return the exact surface of a surface; raise TypeError if its class is not registered."""
-    return _entry_of(surface, all_exact())(surface)
-
-
-def filter_of(surface: Any) -> SurfaceFilter:
-    """Return the filter of a surface; raise TypeError if its class is not registered."""
-    return _entry_of(surface, all_filters())(surface)
-
-
-def all_exact() -> dict[type[Surface], type[ExactSurface]]:
-    """Return all exact surfaces by class of surface."""
-    _import_all()
-    return ExactSurface.known
+    @property
+    def size(self) -> float:
+        """The diameter of `ball`; -1 if the surface is unbounded."""
+        size = self.ball()[1]
+        return -1.0 if size is None else size
 
 
-def all_filters() -> dict[type[Surface], type[SurfaceFilter]]:
-    """Return all filters by class of surface."""
-    _import_all()
-    return SurfaceFilter.known
+def judged_of(surface: Any) -> Judged:
+    """Return what is known of a surface; raise TypeError if its class is not registered."""
+    register = all_judged()
+    # Derived classes are what they derive from.
+    for surface_type in type(surface).__mro__:
+        if surface_type in register:
+            return register[surface_type](surface)
+    raise TypeError(
+        f"surface is a {type(surface).__name__}: pass one of meshing or hybrid_rt.primitives"
+    )
 
 
 @cache
-def _import_all() -> None:
-    """Import every module of `proof.surfaces`, so that its classes register themselves."""
+def all_judged() -> dict[type[Surface], type[Judged]]:
+    """Return all registered classes, after importing every module of `proof.surfaces`."""
     from proof import surfaces
 
     for module in pkgutil.iter_modules(surfaces.__path__, surfaces.__name__ + "."):
         importlib.import_module(module.name)
-
-
-def _entry_of(surface: Any, register: dict[type[Any], Entry]) -> Entry:
-    """Return the entry of a surface's class, or of the first class that it derives from."""
-    for surface_type in type(surface).__mro__:
-        if surface_type in register:
-            return register[surface_type]
-    raise TypeError(
-        f"surface is a {type(surface).__name__}: pass one of meshing or hybrid_rt.primitives"
-    )
+    return Judged.known
 
 
 def fractions(values: Any) -> Any:
@@ -178,9 +165,9 @@ def double_double(values: Any) -> FloatArray:
     return np.array(pairs).reshape(*np.shape(values), 2)
 
 
-def crossings_scratch() -> FloatArray:
-    """Return room for the crossings of one ray."""
-    return np.zeros((first.MOST_CROSSINGS, first.CROSSING))
+def scratch() -> first.Scratch:
+    """Return working memory: room for the crossings of one ray."""
+    return first.Scratch(np.zeros((3, 3)), np.zeros((first.MOST_CROSSINGS, first.CROSSING)))
 
 
 def solver_scratch(degree: int) -> dict[str, FloatArray]:

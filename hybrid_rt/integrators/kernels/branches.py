@@ -6,8 +6,8 @@ and Kirk, "Particle transport and image synthesis", SIGGRAPH 1990). Behind the f
 spreads light, one branch is chosen: light arrives there from many directions anyway.
 """
 
+from hybrid_rt.integrators.kernels.compaction import copy_path
 from hybrid_rt.integrators.kernels.glass_and_mirrors import note_step
-from hybrid_rt.integrators.kernels.ways import N_COLUMNS, OTHER
 from hybrid_rt.shading.kernels.bsdf import leaves_through_face
 from hybrid_rt.shading.kernels.fresnel import mirrored
 from hybrid_rt.shading.kernels.lobes.dielectric import reflectance_ahead
@@ -23,56 +23,28 @@ LAST = 1.0 - 2.0**-53
 
 
 @inlined
-def copy_path(source, i, target, j):
-    """Copy row i of some paths to row j of others."""
-    target.camera_ray[j] = source.camera_ray[i]
-    target.pixel[j] = source.pixel[i]
-    target.sample[j] = source.sample[i]
-    target.pdf[j] = source.pdf[i]
-    target.carried[j] = source.carried[i]
-    target.splits[j] = source.splits[i]
-    if source.connection_pdf.size:
-        target.connection_pdf[j] = source.connection_pdf[i]
-        target.joined[j] = source.joined[i]
-        target.has_met_wide[j] = source.has_met_wide[i]
-    if source.chain.size:
-        target.chain[j] = source.chain[i]
-        if source.chain[i] != OTHER:
-            for k in range(N_COLUMNS):
-                target.anchor[j, k] = source.anchor[i, k]
-    target.source_id[j] = source.source_id[i]
-    for k in range(3):
-        target.origins[j, k] = source.origins[i, k]
-        target.directions[j, k] = source.directions[i, k]
-        target.throughput[j, k] = source.throughput[i, k]
-    for k in range(source.media.shape[1]):
-        target.media[j, k] = source.media[i, k]
+def carried_outside(world, paths):
+    """Return the largest channel of what a path carries, in glass as it will be outside again."""
+    left = paths.throughput
+    carried = max(left[0, 0], left[0, 1], left[0, 2])
+    if paths.media.shape[1] > 0:
+        # See `hybrid_rt.shading.kernels.scatter.scatter_one`.
+        carried *= ior_of(world.lobes, filling_medium(paths.media, 0, world.lobes)) ** 2
+    return carried
 
 
 @inlined
 def reflected_share(world, rules, paths, vertex, depth):
-    """Return the reflectance at glass of which both branches are followed; 0: one is chosen.
-
-    Parameters
-    ----------
-    world : World
-    rules : Rules
-    paths : Paths of one row
-    vertex : Vertex
-    depth : int
-        Vertices before this one.
-    """
+    """Return the reflectance at glass of which both branches are followed; 0: one is chosen."""
     glass = world.split_glass_of[vertex.material[0]]
     if glass < 0 or paths.splits[0] == 0 or paths.carried[0] > 0.0 or depth >= rules.max_depth:
         return 0.0
-    normal, d, left = vertex.hit.normal, paths.directions, paths.throughput
+    normal, d = vertex.hit.normal, paths.directions
     cosine = normal[0, 0] * d[0, 0] + normal[0, 1] * d[0, 1] + normal[0, 2] * d[0, 2]
     share = reflectance_ahead(
         world.lobes, glass, paths.media, 0, abs(cosine), vertex.hit.front_face[0], vertex.second
     )
-    # Within glass radiance counts by its index squared, given back on the way out.
-    carried = max(left[0, 0], left[0, 1], left[0, 2])
-    carried *= ior_of(world.lobes, filling_medium(paths.media, 0, world.lobes)) ** 2
+    carried = carried_outside(world, paths)
     return share if carried * min(share, 1.0 - share) >= LEAST_SHARE else 0.0
 
 
@@ -80,16 +52,8 @@ def reflected_share(world, rules, paths, vertex, depth):
 def split_off_reflected(world, paths, vertex, share, branch):
     """Divide a path at glass: write the reflected part, and leave the rest; tell whether it goes on.
 
-    Parameters
-    ----------
-    world : World
-    paths : Paths of one row, changed
-        It keeps what is refracted, and has not left yet.
-    vertex : Vertex, changed
-        Its choice is refraction then.
-    share : float
-        The reflectance.
-    branch : Paths of one row, written
+    ``paths`` keeps what is refracted, which has not left yet: the choice of ``vertex`` is refraction then.
+    ``branch``, Paths of one row, is written; ``share`` is its reflectance.
     """
     hit, d = vertex.hit, paths.directions
     vertex.choice[0, 0] = LAST

@@ -64,28 +64,10 @@ def _is_on(mirrors, k, x, y, z):
 
 @inner
 def sample_by_mirrors(world, paths, vertex, vertices, light, s, t, which, rays, n):
-    """Sample a point of a lamp, and reach for it by one way by a flat mirror.
+    """Sample a point of a lamp, and reach for it by one way by a flat mirror; ``light`` is no sky.
 
-    Parameters
-    ----------
-    world : World
-    paths : Paths of one row
-    vertex : Vertex
-    vertices : Vertices of one row
-    light : int
-        No sky.
-    s, t : float
-        In [0, 1).
-    which : float
-        In [0, 1): chooses the way.
-    rays : ShadowRays
-        Rows are written from row n on.
-    n : int
-
-    Returns
-    -------
-    int
-        The number of rows then.
+    Parameters and what is returned are those of
+    `hybrid_rt.integrators.kernels.through_spheres.sample_through_spheres`.
     """
     mirrors, at, here = world.mirrors, vertex.hit.position, vertex.hit.object_id[0]
     end = end_of_way(world, vertex, light, s, t)
@@ -147,20 +129,8 @@ def sample_by_mirrors(world, paths, vertex, vertices, light, s, t, which, rays, 
 def pdf_by_mirror(world, paths, k, after):
     """Return the pdfs of a path by way of mirror k: by BSDF sampling, and by this technique.
 
-    Parameters
-    ----------
-    world : World
-    paths : Paths of one row
-    k : int
-    after : float
-        Length of the way behind the mirror.
-
-    Returns
-    -------
-    by_bsdf : float
-        Per area, but for the cosine at the lamp.
-    by_light : float
-        What the pdf of `end_of_way` is multiplied by.
+    The first is per area, but for the cosine at the lamp; the second is what the pdf of `end_of_way` is
+    multiplied by. ``after`` is the length of the way behind the mirror.
     """
     length = paths.anchor[0, BEFORE] + after
     return paths.anchor[0, PDF] * world.mirrors.chance[k] / (length * length), 1.0

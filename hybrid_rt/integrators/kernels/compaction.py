@@ -5,22 +5,8 @@ Each kernel makes one pass over memory; NumPy would make a dozen, each with a te
 
 from typing import Any, NamedTuple
 
+from hybrid_rt.integrators.kernels.ways import N_COLUMNS, OTHER
 from meshing.kernels.jit import inlined, kernel
-
-
-class ShadowRays(NamedTuple):
-    """Shadow rays, and the contribution of each if it is unoccluded."""
-
-    camera_ray: Any  # (n,) int64
-    origin: Any  # (n, 3) float64
-    way: Any  # (n, 3) float64; ends at t_max
-    t_max: Any  # (n,) float64
-    end: Any  # (n, 3) float64, point of the light
-    source_id: Any  # (n,) int32, object that the ray leaves from
-    target_id: Any  # (n,) int32, object that is the light; negative: none
-    value: Any  # (n, 3) float64
-    # (n,) bool, the ray goes on from where the one in the row above ends: what blocks that blocks this
-    follows: Any
 
 
 class Paths(NamedTuple):
@@ -51,6 +37,33 @@ class Paths(NamedTuple):
     anchor: Any  # (n, 9) float64, where that vertex is, and what was sampled there
 
 
+@inlined
+def copy_path(source, i, target, j):
+    """Copy row i of some paths to row j of others."""
+    target.camera_ray[j] = source.camera_ray[i]
+    target.pixel[j] = source.pixel[i]
+    target.sample[j] = source.sample[i]
+    target.pdf[j] = source.pdf[i]
+    target.carried[j] = source.carried[i]
+    target.splits[j] = source.splits[i]
+    if source.connection_pdf.size:
+        target.connection_pdf[j] = source.connection_pdf[i]
+        target.joined[j] = source.joined[i]
+        target.has_met_wide[j] = source.has_met_wide[i]
+    if source.chain.size:
+        target.chain[j] = source.chain[i]
+        if source.chain[i] != OTHER:
+            for k in range(N_COLUMNS):
+                target.anchor[j, k] = source.anchor[i, k]
+    target.source_id[j] = source.source_id[i]
+    for k in range(3):
+        target.origins[j, k] = source.origins[i, k]
+        target.directions[j, k] = source.directions[i, k]
+        target.throughput[j, k] = source.throughput[i, k]
+    for k in range(source.media.shape[1]):
+        target.media[j, k] = source.media[i, k]
+
+
 @kernel(allocates=True)
 def add_products(camera_ray, throughput, value, radiance):
     """Add throughput x value, both (n, 3), to the rows ``camera_ray`` of ``radiance``."""
@@ -60,49 +73,10 @@ def add_products(camera_ray, throughput, value, radiance):
 
 
 @kernel(allocates=True)
-def pack_shadow_rays(
-    camera_ray, throughput, object_id, position, light_id, surface_of_light, to_light, value, out
-):
-    """Pick the rows whose value is not zero as `ShadowRays`; return how many there are.
-
-    Parameters
-    ----------
-    camera_ray : (n,) int64
-    throughput, position : (n, 3) float64
-    object_id, light_id : (n,) int32
-        The lit object, and the light; the number of lights stands for the environment.
-    surface_of_light : (lights,) int32
-    to_light : (n, 3) float64
-        Vector to the sampled point; for the environment, a direction.
-    value : (n, 3) float64
-        Contribution at throughput one.
-    out : ShadowRays of n rows or more, written
-    """
-    n = 0
-    for i in range(camera_ray.size):
-        if max(value[i, 0], value[i, 1], value[i, 2]) <= 0.0:
-            continue
-        out.camera_ray[n] = camera_ray[i]
-        out.source_id[n] = object_id[i]
-        out.follows[n] = False
-        if light_id[i] == surface_of_light.size:
-            out.t_max[n], out.target_id[n] = float("inf"), -1
-        else:
-            out.t_max[n], out.target_id[n] = 1.0, surface_of_light[light_id[i]]
-        for k in range(3):
-            out.origin[n, k] = position[i, k]
-            out.way[n, k] = to_light[i, k]
-            out.end[n, k] = position[i, k] + to_light[i, k]
-            out.value[n, k] = throughput[i, k] * value[i, k]
-        n += 1
-    return n
-
-
-@kernel(allocates=True)
 def add_unblocked(camera_ray, follows, blocked, value, radiance):
     """Add the values (n, 3) of unoccluded rays to the rows ``camera_ray`` of ``radiance``.
 
-    ``follows`` (n,) is as in `ShadowRays`; ``blocked`` (n,) bool.
+    ``follows`` (n,) is as in `hybrid_rt.integrators.kernels.light_sampling.ShadowRays`; ``blocked`` (n,) bool.
     """
     is_blocked = False
     for i in range(camera_ray.size):
@@ -110,73 +84,6 @@ def add_unblocked(camera_ray, follows, blocked, value, radiance):
         if not is_blocked:
             for k in range(3):
                 radiance[camera_ray[i], k] += value[i, k]
-
-
-@kernel(allocates=True)
-def pack_paths(paths, fate, least, position, object_id, onward, pdf, out):
-    """Pick the paths that go on (fate at least ``least``), set their new rays; return how many.
-
-    Parameters
-    ----------
-    paths : Paths of n rows
-    fate : (n,) uint8
-        See `hybrid_rt.shading.kernels.scatter`.
-    least : int
-    position : (n, 3) float64
-        Origins of the new rays.
-    object_id : (n,) int32
-        Objects that they leave.
-    onward : (n, 3) float64
-        Their directions.
-    pdf : (n,) float64
-        pdf of these directions per solid angle.
-    out : Paths of n rows or more, written
-    """
-    n = 0
-    for i in range(fate.size):
-        if fate[i] < least:
-            continue
-        out.camera_ray[n] = paths.camera_ray[i]
-        out.pixel[n] = paths.pixel[i]
-        out.sample[n] = paths.sample[i]
-        out.pdf[n], out.carried[n], out.splits[n] = pdf[i], paths.carried[i], paths.splits[i]
-        if paths.connection_pdf.size:
-            out.connection_pdf[n] = paths.connection_pdf[i]
-        out.source_id[n] = object_id[i]
-        for k in range(3):
-            out.origins[n, k] = position[i, k]
-            out.directions[n, k] = onward[i, k]
-            out.throughput[n, k] = paths.throughput[i, k]
-        for k in range(paths.media.shape[1]):
-            out.media[n, k] = paths.media[i, k]
-        n += 1
-    return n
-
-
-@inlined
-def choose_light(before, chance, xi):
-    """Sample a light by a number in [0, 1); return its row, and the number rescaled for reuse.
-
-    ``before`` (lights + 1,) is the cumulative distribution of the lights.
-    """
-    row, last = 0, before.size - 1
-    while row < last:
-        middle = (row + last) // 2
-        if xi < before[middle]:
-            last = middle
-        else:
-            row = middle + 1
-    while chance[row] == 0.0:  # rounding may leave the sums just below one
-        row -= 1
-    rest = (xi - (before[row] - chance[row])) / chance[row]
-    return row, min(max(rest, 0.0), 1.0 - 2.0**-53)
-
-
-@kernel(allocates=True)
-def choose_lights(before, chance, xi, light_id):
-    """Sample a light per row by the first column of ``xi`` (n, 2); see `choose_light`."""
-    for i in range(light_id.size):
-        light_id[i], xi[i, 0] = choose_light(before, chance, xi[i, 0])
 
 
 @kernel(allocates=True)

@@ -5,15 +5,14 @@ Their weights are derived in `hybrid_rt.integrators.kernels.light_paths`.
 
 import math
 
-from hybrid_rt.shading.kernels.bsdf import is_behind, scattered, sides_differ
+from hybrid_rt.integrators.kernels.connection_weights import CONNECT_CHANCE
+from hybrid_rt.integrators.kernels.light_sampling import cast
+from hybrid_rt.shading.kernels.bsdf import scattered, sides_differ
 from hybrid_rt.shading.kernels.emitter import power_weight
 from hybrid_rt.shading.kernels.lobes.register import EVERY
 from hybrid_rt.shading.kernels.medium_stack import transmittance
 from meshing.kernels.jit import inlined, kernel
 
-# Connections find little light, evenly: at every hit they would cost as much as the lamps. On the
-# Cornell box a quarter costs 4 % in variance and saves a fifth of the time.
-CONNECT_CHANCE = 0.25
 # Light vertices of which one far away is connected to. A multiple of eight compiles to vector instructions
 # without a rest.
 CANDIDATES = 24
@@ -60,7 +59,7 @@ def sent_toward(lit, k, lobes, wx, wy, wz):
 
 
 @inlined(cached=True)
-def connect_to_light_vertex(world, rules, paths, vertex, vertices, depth, number, s, t, out, n):
+def connect_to_light_vertex(world, rules, vertices, lit, depth, number, s, t, out, n):
     """Connect a vertex of a camera path to a light vertex of its pass, by a shadow ray.
 
     The light is weighted against BSDF sampling. What is left to `choose_far` is
@@ -70,10 +69,8 @@ def connect_to_light_vertex(world, rules, paths, vertex, vertices, depth, number
     ----------
     world : World
     rules : Rules
-    paths : Paths of one row
-    vertex : Vertex
     vertices : Vertices of one row
-        The same as BSDFs read it.
+    lit : Receivers of one row
     depth : int
         Vertices before this one.
     number : int
@@ -88,18 +85,18 @@ def connect_to_light_vertex(world, rules, paths, vertex, vertices, depth, number
     bool
         Whether there is such a shadow ray.
     """
-    lit = world.light_vertices
+    of_light = world.light_vertices
     begin, end = world.first_of_pass[number], world.first_of_pass[number + 1]
     if t >= CONNECT_CHANCE or begin == end:
         return False
     k = _any_of(s, begin, end)
-    if lit.density[k] == 0.0 or lit.steps[k] > rules.max_depth - depth - 1:
+    if of_light.density[k] == 0.0 or of_light.steps[k] > rules.max_depth - depth - 1:
         return False
     if _is_far(world, rules, vertices, k):
         return False
     factor = (end - begin) / CONNECT_CHANCE
     return connect(
-        world, paths, vertex, vertices, k, factor, rules.vertices_per_path / CONNECT_CHANCE, out, n
+        world, vertices, lit, k, factor, rules.vertices_per_path / CONNECT_CHANCE, out, n
     )
 
 
@@ -112,8 +109,8 @@ def choose_far(world, rules, vertex, vertices, depth, number, s, t):
     probability in proportion to about its unoccluded contribution (resampled importance sampling,
     Talbot, Cline and Egbert 2005).
 
-    Parameters are those of `connect_to_light_vertex`, except s and t: the first samples the
-    candidates, the second which one is chosen. The light vertices of a pass are stratified into groups of
+    ``vertex``, Vertex, is scratch memory; other parameters are those of `connect_to_light_vertex`, except s
+    and t: the first samples the candidates, the second which one is chosen. The light vertices of a pass are stratified into groups of
     candidates: next to each other in memory, but spread evenly over the pass, see `member`. The columns of
     `World.candidates` are the position (`X`, `Y`, `Z`), the normal on the lit side times the strength
     (`ALONG_X` and so on), and `STEPS`.
@@ -194,17 +191,18 @@ def _is_far(world, rules, vertices, k):
 
 
 @inlined(cached=True)
-def connect(world, paths, vertex, vertices, k, factor, vertices_per_path, out, n):
+def connect(world, vertices, lit, k, factor, vertices_per_path, out, n):
     """Write row n of the shadow rays, to light vertex k, whose light is multiplied by ``factor``.
 
     ``vertices_per_path`` is the expected number of such connections of a light subpath in a pass; 0 if
     BSDF sampling does not find this light.
     """
     material, colors, position, normal, direction, geometric, ratio = vertices
-    lobes, lit = world.lobes, world.light_vertices
-    x = lit.position[k, 0] - position[0, 0]
-    y = lit.position[k, 1] - position[0, 1]
-    z = lit.position[k, 2] - position[0, 2]
+    lobes, of_light = world.lobes, world.light_vertices
+    place = of_light.position
+    x, y, z = (
+        place[k, 0] - position[0, 0], place[k, 1] - position[0, 1], place[k, 2] - position[0, 2]
+    )  # fmt: skip
     square = x * x + y * y + z * z
     if square == 0.0 or sides_differ(geometric, normal, 0, direction, x, y, z):
         return False
@@ -218,33 +216,17 @@ def connect(world, paths, vertex, vertices, k, factor, vertices_per_path, out, n
     )  # fmt: skip
     if pdf <= 0.0:
         return False
-    r, g, b, onward = sent_toward(lit, k, lobes, wx, wy, wz)
+    r, g, b, onward = sent_toward(of_light, k, lobes, wx, wy, wz)
     if onward <= 0.0:
         return False
     factor /= square
     if vertices_per_path > 0.0:
-        factor *= power_weight(lit.density[k], pdf / square * vertices_per_path * onward)
-    r, g, b = factor * r * fr, factor * g * fg, factor * b * fb
-    if paths.media.shape[1] > 0:
-        if ratio.size and is_behind(normal, direction, 0, x, y, z):
-            p, q, w = transmittance(vertex.beyond, 0, lobes, distance)
-        else:
-            p, q, w = transmittance(paths.media, 0, lobes, distance)
-        r, g, b = r * p, g * q, b * w
-    r, g, b = r * paths.throughput[0, 0], g * paths.throughput[0, 1], b * paths.throughput[0, 2]
-    if max(r, g, b) <= 0.0:
-        return False
-    out.camera_ray[n] = paths.camera_ray[0]
-    out.source_id[n] = vertex.hit.object_id[0]
-    out.target_id[n] = lit.object_id[k]
-    out.t_max[n] = 1.0
-    out.follows[n] = False
-    out.value[n, 0], out.value[n, 1], out.value[n, 2] = r, g, b
-    out.way[n, 0], out.way[n, 1], out.way[n, 2] = x, y, z
-    for c in range(3):
-        out.origin[n, c] = position[0, c]
-        out.end[n, c] = lit.position[k, c]
-    return True
+        factor *= power_weight(of_light.density[k], pdf / square * vertices_per_path * onward)
+    value = factor * r * fr, factor * g * fg, factor * b * fb
+    end = place[k, 0], place[k, 1], place[k, 2]
+    return cast(
+        lobes, vertices, lit, 0, (x, y, z), distance, value, of_light.object_id[k], end, out, n
+    )
 
 
 @kernel(allocates=True)

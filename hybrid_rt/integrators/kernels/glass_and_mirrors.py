@@ -3,7 +3,7 @@
 import math
 
 from hybrid_rt.integrators.kernels.by_mirrors import pdf_by_mirror, sample_by_mirrors
-from hybrid_rt.integrators.kernels.compaction import choose_light
+from hybrid_rt.integrators.kernels.light_sampling import choose_light
 from hybrid_rt.integrators.kernels.through_boxes import (
     MOST_MIRRORED,
     box_around,
@@ -56,28 +56,8 @@ from meshing.kernels.jit import inlined, inner
 def sample_specular(world, rules, paths, vertex, vertices, depth, rays, n):
     """Next-event estimation by way of a ball and by way of a box; for lamps by a flat mirror as well.
 
-    Parameters
-    ----------
-    world : World
-    rules : Rules
-    paths : Paths of one row
-        Its anchor is set.
-    vertex : Vertex
-        It spreads light.
-    vertices : Vertices of one row
-        The same as BSDFs read it.
-    depth : int
-        Vertices before this one.
-    rays : ShadowRays
-        Rows are written from row n on.
-    n : int
-
-    Returns
-    -------
-    is_anchored : bool
-        Whether there is such a technique at this vertex.
-    n : int
-        The number of rows then.
+    Rows of ``rays`` are written from row n on, and the anchor of ``paths`` is set. Returns whether there is
+    such a technique at this vertex, and the number of rows then.
     """
     sampled = sampled_lights(rules, paths, depth)
     if sampled == NO_LIGHTS:

@@ -9,12 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hybrid_rt.integrators.kernels import by_mirrors, through_boxes, through_spheres
-from hybrid_rt.integrators.kernels.branches import reflected_share, split_off_reflected
-from hybrid_rt.integrators.kernels.compaction import choose_light
+from hybrid_rt.integrators.kernels.branches import (
+    carried_outside,
+    reflected_share,
+    split_off_reflected,
+)
 from hybrid_rt.integrators.kernels.connection_weights import (
     arrival_pdf,
     is_found_by_light_paths,
-    weight_against_light_paths,
 )
 from hybrid_rt.integrators.kernels.connections import (
     NONE,
@@ -27,6 +29,7 @@ from hybrid_rt.integrators.kernels.glass_and_mirrors import (
     sample_specular,
     weight_of_emission,
 )
+from hybrid_rt.integrators.kernels.light_sampling import Receivers, choose_light, sample_light
 from hybrid_rt.integrators.kernels.vertex_points import (
     CHOICE,
     CONNECT,
@@ -35,14 +38,11 @@ from hybrid_rt.integrators.kernels.vertex_points import (
     TO_LIGHT,
 )
 from hybrid_rt.shading.kernels.bsdf import Vertices
-from hybrid_rt.shading.kernels.emitter import Met, light_on_hit, light_on_ray
+from hybrid_rt.shading.kernels.emitter import Met, light_on_ray
 from hybrid_rt.shading.kernels.lobes.register import DELTA, EVERY, SPREADS
 from hybrid_rt.shading.kernels.medium_stack import (
     cross_medium,
-    filling_medium,
-    ior_of,
     look_beyond_one,
-    transmittance,
 )
 from hybrid_rt.shading.kernels.scatter import (
     ABSORBED,
@@ -154,7 +154,7 @@ class Tally(NamedTuple):
     """What is counted."""
 
     fates: Any  # (5,) int64, see `hybrid_rt.shading.kernels.scatter`
-    # (3,) float64: number of paths that the depth limit ended, what they carried (see `_weight`), and
+    # (3,) float64: number of paths that the depth limit ended, what they carried (see `carried_outside`), and
     # what all paths carried behind the first surface that spreads light, or to the end if there was none
     lost: Any
     unclosed: Any  # (lobes,) int64, see `cross_medium`
@@ -248,54 +248,6 @@ def look_up_surface(world, paths, vertex):
 
 
 @inlined(cached=True)
-def sample_light(world, rules, paths, vertex, vertices, depth, s, t, rays, n):
-    """Next-event estimation: sample one light or the sky by (s, t); write row n of ``rays``.
-
-    Tells whether there is such a shadow ray.
-    """
-    hit = vertex.hit
-    light, s = choose_light(world.light_cdf, world.lights.chance, s)
-    x, y, z, r, g, b, density, pdf = light_on_hit(
-        world.lights, world.sky, world.textures, vertex.light_point, light, world.lobes, vertices,
-        0, s, t, rules.strategy, EVERY,
-    )  # fmt: skip
-    is_sky = light == world.surface_of_light.size
-    length = np.inf if is_sky else np.sqrt(x * x + y * y + z * z)
-    is_weighted = rules.has_light_paths and density > 0.0
-    if is_weighted and is_found_by_light_paths(world, vertex.material[0], depth, light):
-        weight = weight_against_light_paths(
-            world, paths, vertex, vertices, light, x / length, y / length, z / length, density, pdf
-        )
-        r, g, b = weight * r, weight * g, weight * b
-    if paths.media.shape[1] > 0:
-        before = after = 0.0
-        if vertex.ratio.size:
-            d, normal = paths.directions, hit.normal
-            before = normal[0, 0] * d[0, 0] + normal[0, 1] * d[0, 1] + normal[0, 2] * d[0, 2]
-            after = normal[0, 0] * x + normal[0, 1] * y + normal[0, 2] * z
-        if before * after > 0.0:
-            p, q, k = transmittance(vertex.beyond, 0, world.lobes, length)
-        else:
-            p, q, k = transmittance(paths.media, 0, world.lobes, length)
-        r, g, b = r * p, g * q, b * k
-    if max(r, g, b) <= 0.0:
-        return False
-    rays.camera_ray[n] = paths.camera_ray[0]
-    rays.source_id[n] = hit.object_id[0]
-    rays.follows[n] = False
-    rays.t_max[n] = np.inf if is_sky else 1.0
-    rays.target_id[n] = NOTHING if is_sky else world.surface_of_light[light]
-    rays.way[n, 0], rays.way[n, 1], rays.way[n, 2] = x, y, z
-    for k in range(3):
-        rays.origin[n, k] = hit.position[0, k]
-        rays.end[n, k] = hit.position[0, k] + rays.way[n, k]
-    rays.value[n, 0] = paths.throughput[0, 0] * r
-    rays.value[n, 1] = paths.throughput[0, 1] * g
-    rays.value[n, 2] = paths.throughput[0, 2] * b
-    return True
-
-
-@inlined(cached=True)
 def leave_vertex(
     world, rules, paths, vertex, depth, camera_pdf, number, points, column, branch, rays, n
 ):
@@ -340,6 +292,13 @@ def leave_vertex(
         vertex.material, vertex.colors, hit.position, hit.normal, paths.directions,
         vertex.geometric, vertex.ratio,
     )  # fmt: skip
+    lit = Receivers(
+        paths.camera_ray, hit.object_id, paths.throughput, paths.media, vertex.beyond,
+        vertex.light_point,
+    )  # fmt: skip
+    connection = ConnectionPdf(
+        hit.t, vertex.arrival_pdf, world.is_smooth, hit.object_id, paths.connection_pdf
+    )
     reaches = spreads and rules.has_light_paths and not is_known and depth < rules.max_depth
     chosen, factor = NONE, 0.0
     if reaches and diffuse_only and rules.min_distance < np.inf:
@@ -353,16 +312,21 @@ def leave_vertex(
         )
     if spreads and rules.samples_lights and not is_known:
         s, t = xi[0, TO_LIGHT, column], xi[1, TO_LIGHT, column]
-        n += sample_light(world, rules, paths, vertex, vertices, depth, s, t, rays, n)
+        light, s = choose_light(world.light_cdf, world.lights.chance, s)
+        is_found = rules.has_light_paths and is_found_by_light_paths(
+            world, vertex.material[0], depth, light
+        )
+        n += sample_light(
+            world, rules.strategy, EVERY, vertices, lit, 0, light, s, t, 1.0, connection, is_found,
+            rays, n,
+        )  # fmt: skip
     # --- connections: light of other surfaces, and caustics
     is_narrow = world.narrow[vertex.material[0]]
     if reaches and not (is_narrow and paths.has_met_wide[0]):
         s, t = xi[0, CONNECT, column], xi[1, CONNECT, column]
-        n += connect_to_light_vertex(
-            world, rules, paths, vertex, vertices, depth, number, s, t, rays, n
-        )
+        n += connect_to_light_vertex(world, rules, vertices, lit, depth, number, s, t, rays, n)
         if chosen != NONE:
-            n += connect(world, paths, vertex, vertices, chosen, factor, 0.0, rays, n)
+            n += connect(world, vertices, lit, chosen, factor, 0.0, rays, n)
     # --- caustics of balls, boxes and flat mirrors
     is_anchored = False
     if spreads and paths.chain.size:
@@ -380,12 +344,10 @@ def leave_vertex(
         world.lobes, vertices, 0, vertex.xi, vertex.choice, paths.media, vertex.second,
         not is_last or rules.samples_last_vertex, not is_last,
         rules.survival if depth >= rules.roulette_depth else 0.0,
-        paths.carried[0],
-        ConnectionPdf(hit.t, vertex.arrival_pdf, world.is_smooth, hit.object_id, paths.connection_pdf),
-        vertex.onward, paths.throughput, paths.pdf,
+        paths.carried[0], connection, vertex.onward, paths.throughput, paths.pdf,
     )  # fmt: skip
     if fate == SCATTERED or paths.carried[0] > 0.0:
-        paths.carried[0] = _weight(world, paths)
+        paths.carried[0] = carried_outside(world, paths)
     if rules.has_light_paths:
         paths.joined[0] = diffuse_only and paths.pdf[0] > 0.0
         paths.has_met_wide[0] |= paths.pdf[0] > 0.0 and not is_narrow
@@ -401,20 +363,9 @@ def leave_vertex(
 
 
 @inlined
-def _weight(world, paths):
-    """Return the largest channel of what a path carries, in glass as it will be outside again."""
-    left = paths.throughput
-    weight = max(left[0, 0], left[0, 1], left[0, 2])
-    if paths.media.shape[1] > 0:
-        # See `scatter_one`.
-        weight *= ior_of(world.lobes, filling_medium(paths.media, 0, world.lobes)) ** 2
-    return weight
-
-
-@inlined
 def _lose(world, paths, tally):
     """Count a path that the depth limit ends, and what it might have carried."""
-    weight = _weight(world, paths)
+    weight = carried_outside(world, paths)
     tally.lost[0] += 1
     tally.lost[1] += weight
     if paths.carried[0] == 0.0:
@@ -433,7 +384,7 @@ def arrive(world, rules, paths, vertex, depth, pdf_area, radiance, tally):
     m, first = vertex.material[0], world.lobes.first
     ends = m < 0 or first[m] == first[m + 1]  # a lamp, or a material that emits alone
     if ends and paths.carried[0] == 0.0 and max(r, g, b) > 0.0:
-        tally.lost[2] += _weight(world, paths)
+        tally.lost[2] += carried_outside(world, paths)
     if m < 0:
         if depth <= rules.max_depth:
             tally.fates[LEFT] += 1

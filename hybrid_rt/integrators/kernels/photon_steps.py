@@ -177,23 +177,3 @@ def scatter_photons(
         direction[i, 0], direction[i, 1], direction[i, 2] = x, y, z
         flight.source_id[i] = object_id[i]
         flight.history[i] |= MET_SPREADING if is_spread else MET_SPECULAR
-
-
-@kernel(allocates=True)
-def pack_flight(flight, fate, least, out):
-    """Pick the photons whose fate is at least ``least``; return how many."""
-    n = 0
-    for i in range(fate.size):
-        if fate[i] < least:
-            continue
-        out.number[n] = flight.number[i]
-        out.source_id[n] = flight.source_id[i]
-        out.history[n] = flight.history[i]
-        for k in range(3):
-            out.origin[n, k] = flight.origin[i, k]
-            out.direction[n, k] = flight.direction[i, k]
-            out.power[n, k] = flight.power[i, k]
-        for k in range(flight.media.shape[1]):
-            out.media[n, k] = flight.media[i, k]
-        n += 1
-    return n

@@ -21,11 +21,13 @@ from hybrid_rt.integrators.kernels.ways import (
     INSIDE,
     MIRRORED,
     PDF,
-    SMALL,
     WITHIN,
+    WITHIN_BOX,
     add_last_segment,
     add_segment,
     brought,
+    chance_of_body,
+    choose_body,
     end_of_way,
     factor_of_taken,
     left_by,
@@ -111,35 +113,6 @@ def face_of(boxes, box, normal, position):
 
 
 @inlined
-def _square_seen(boxes, box, x, y, z):
-    """Return (radius / distance of the centre)^2 of the sphere about a box, at most 1."""
-    dx, dy, dz = x - boxes.center[box, 0], y - boxes.center[box, 1], z - boxes.center[box, 2]
-    return boxes.square[box] / max(dx * dx + dy * dy + dz * dz, boxes.square[box])
-
-
-@inlined
-def _sum_of_squares(boxes, x, y, z):
-    """Return what `_square_seen` is divided by: a box's probability of being sampled."""
-    total = 0.0
-    for box in range(boxes.lobe.size):
-        total += _square_seen(boxes, box, x, y, z)
-    return max(total, SMALL)
-
-
-@inlined
-def _choose_box(boxes, x, y, z, s):
-    """Choose a box by s; return it, its chance, and s rescaled to [0, 1) for reuse; -1: none."""
-    total = _sum_of_squares(boxes, x, y, z)
-    left = s * total
-    for box in range(boxes.lobe.size):
-        square = _square_seen(boxes, box, x, y, z)
-        if left < square:
-            return box, square / total, min(left / square, 1.0 - 2.0**-53)
-        left -= square
-    return -1, 0.0, 0.0
-
-
-@inlined
 def _passed_on(world, box, cos_o, is_inside):
     """Return the part of light that the faces let through, without colour, and the inner cosine."""
     reflectance, cos_i = reflectance_of(world.lobes, world.boxes.lobe[box], cos_o)
@@ -190,7 +163,7 @@ def pdf_by_box(world, paths, box, face, t, is_inside):
     chance = 1.0
     if not is_inside:
         x, y, z = anchor[0, 0], anchor[0, 1], anchor[0, 2]
-        chance = _square_seen(boxes, box, x, y, z) / _sum_of_squares(boxes, x, y, z)
+        chance = chance_of_body(boxes, box, WITHIN_BOX, x, y, z)
     return anchor[0, PDF] * part, section * chance
 
 
@@ -460,7 +433,7 @@ def sample_through_boxes(world, rules, paths, vertex, vertices, depth, light, s,
     is_inside = box >= 0
     if not is_inside:
         passages = 2
-        box, chance, s = _choose_box(boxes, at[0, 0], at[0, 1], at[0, 2], s)
+        box, chance, s = choose_body(boxes, WITHIN_BOX, at[0, 0], at[0, 1], at[0, 2], s)
         if box < 0 or depth + passages >= rules.max_depth:
             return n
     x, y, z, lx, ly, lz, pdf, er, eg, eb = end_of_way(world, vertex, light, s, t)

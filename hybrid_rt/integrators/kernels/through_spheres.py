@@ -18,10 +18,12 @@ from hybrid_rt.integrators.kernels.ways import (
     CORE_CROSSED,
     PDF,
     REFLECTED,
-    SMALL,
+    WITHIN_BALL,
     add_last_segment,
     add_segment,
     brought,
+    chance_of_body,
+    choose_body,
     end_of_way,
     factor_of_taken,
     left_by,
@@ -45,6 +47,7 @@ class Balls(NamedTuple):
 
     center: Any  # (n, 3) float64
     radius: Any  # (n,) float64
+    square: Any  # (n,) float64, of the radius
     surface: Any  # (n,) int32, index of the surface
     lobe: Any  # (n,) int32
     is_glass: Any  # (n,) bool
@@ -55,37 +58,6 @@ class Balls(NamedTuple):
     core_lobe: Any  # (n,) int32, dielectric that fills it; -1: nothing
     core_surface: Any  # (n,) int32, index of its surface, or of one of those that coincide
     of_core: Any  # (surfaces,) int32, row of the ball whose core has this surface; -1: none
-
-
-@inlined
-def _square_seen(balls, ball, x, y, z):
-    """Return (radius / distance of the centre)^2 of a ball, seen from outside; 0 from inside."""
-    dx, dy, dz = x - balls.center[ball, 0], y - balls.center[ball, 1], z - balls.center[ball, 2]
-    square = balls.radius[ball] * balls.radius[ball]
-    distance = dx * dx + dy * dy + dz * dz
-    return square / distance if distance > square else 0.0
-
-
-@inlined
-def _sum_of_squares(balls, x, y, z):
-    """Return what `_square_seen` is divided by: a ball's probability of being sampled."""
-    total = 0.0
-    for ball in range(balls.radius.size):
-        total += _square_seen(balls, ball, x, y, z)
-    return max(total, SMALL)
-
-
-@inlined
-def _choose_ball(balls, x, y, z, s):
-    """Choose a ball by s; return it, its chance, and s rescaled to [0, 1) for reuse; -1: none."""
-    total = _sum_of_squares(balls, x, y, z)
-    left = s * total
-    for ball in range(balls.radius.size):
-        square = _square_seen(balls, ball, x, y, z)
-        if left < square:
-            return ball, square / total, min(left / square, 1.0 - 2.0**-53)
-        left -= square
-    return -1, 0.0, 0.0
 
 
 @inlined
@@ -167,7 +139,7 @@ def pdf_by_ball(world, paths, ball, t, met):
     if t < math.inf:
         section *= radius * radius
     x, y, z = anchor[0, 0], anchor[0, 1], anchor[0, 2]
-    chance = _square_seen(balls, ball, x, y, z) / _sum_of_squares(balls, x, y, z)
+    chance = chance_of_body(balls, ball, WITHIN_BALL, x, y, z)
     return anchor[0, PDF] * part, section * chance
 
 
@@ -330,7 +302,7 @@ def sample_through_spheres(
     """
     balls = world.balls
     at = vertex.hit.position
-    ball, chance, s = _choose_ball(balls, at[0, 0], at[0, 1], at[0, 2], s)
+    ball, chance, s = choose_body(balls, WITHIN_BALL, at[0, 0], at[0, 1], at[0, 2], s)
     if ball < 0:
         return n
     yx, yy, yz, lx, ly, lz, pdf, er, eg, eb = end_of_way(world, vertex, light, s, t)

@@ -16,6 +16,7 @@ caustic, the weight of this technique is zero, so its variance stays bounded.
 
 import math
 
+from hybrid_rt.integrators.kernels.light_sampling import write_ray
 from hybrid_rt.shading.kernels.bsdf import scattered, sides_differ
 from hybrid_rt.shading.kernels.emitter import power_weight
 from hybrid_rt.shading.kernels.environment import sky_direction, sky_pdf, sky_radiance
@@ -50,8 +51,9 @@ NO_LIGHTS, SKY_ALONE, ALL_LIGHTS = 0, 1, 2
 # sampled there, the box that it lies in (-1: none), the lengths of the way before a box or flat mirror and
 # inside a box, and how often it was reflected there.
 PDF, SAMPLED, INSIDE, BEFORE, WITHIN, MIRRORED, N_COLUMNS = 3, 4, 5, 6, 7, 8, 9
-# Bodies are sampled in proportion to the sum of their (radius / distance)^2, up to this sum always.
-SMALL = 1.0
+# Bodies are sampled in proportion to their (radius / distance)^2, or to this from within; where their sum
+# is at least `SMALL`, one is.
+WITHIN_BALL, WITHIN_BOX, SMALL = 0.0, 1.0, 1.0
 SMALLEST = 1e-300
 
 
@@ -179,6 +181,42 @@ def brought(world, paths, vertices, x, y, z, end, cos_lamp, part, section):
 
 
 @inlined
+def _square_seen(bodies, body, within, x, y, z):
+    """Return (radius / distance of the centre)^2 of the sphere about a body; ``within``, seen from inside."""
+    center = bodies.center
+    dx, dy, dz = x - center[body, 0], y - center[body, 1], z - center[body, 2]
+    square, distance = bodies.square[body], dx * dx + dy * dy + dz * dz
+    return square / distance if distance > square else within
+
+
+@inlined
+def _sum_of_squares(bodies, within, x, y, z):
+    total = 0.0
+    for body in range(bodies.square.size):
+        total += _square_seen(bodies, body, within, x, y, z)
+    return max(total, SMALL)
+
+
+@inlined
+def chance_of_body(bodies, body, within, x, y, z):
+    """Return the probability with which `choose_body` takes a body."""
+    return _square_seen(bodies, body, within, x, y, z) / _sum_of_squares(bodies, within, x, y, z)
+
+
+@inlined
+def choose_body(bodies, within, x, y, z, s):
+    """Choose a ball or box by s; return it, its chance, and s rescaled to [0, 1) for reuse; -1: none."""
+    total = _sum_of_squares(bodies, within, x, y, z)
+    left = s * total
+    for body in range(bodies.square.size):
+        square = _square_seen(bodies, body, within, x, y, z)
+        if left < square:
+            return body, square / total, min(left / square, 1.0 - 2.0**-53)
+        left -= square
+    return -1, 0.0, 0.0
+
+
+@inlined
 def take_way(total, value, s):
     """Choose among ways one by one: tell whether this one replaces those before it.
 
@@ -221,24 +259,21 @@ def factor_of_taken(rules, paths, is_sky, total, value, s):
 @inlined
 def add_segment(paths, rays, n, source, px, py, pz, target, qx, qy, qz, follows):
     """Write row n of the shadow rays, from p to q, with value 0."""
-    rays.camera_ray[n] = paths.camera_ray[0]
-    rays.source_id[n], rays.target_id[n], rays.t_max[n] = source, target, 1.0
-    rays.follows[n] = follows
-    rays.origin[n, 0], rays.origin[n, 1], rays.origin[n, 2] = px, py, pz
-    rays.end[n, 0], rays.end[n, 1], rays.end[n, 2] = qx, qy, qz
-    rays.way[n, 0], rays.way[n, 1], rays.way[n, 2] = qx - px, qy - py, qz - pz
-    rays.value[n, 0] = rays.value[n, 1] = rays.value[n, 2] = 0.0
+    write_ray(
+        rays, n, paths.camera_ray[0], source, target, (px, py, pz), (qx - px, qy - py, qz - pz),
+        (qx, qy, qz), 1.0, (0.0, 0.0, 0.0), follows,
+    )  # fmt: skip
 
 
 @inlined
 def add_last_segment(world, paths, rays, n, source, px, py, pz, light, end, r, g, b):
     """Write row n of the shadow rays, from p to a lamp or the sky, with its value."""
     x, y, z = end[0], end[1], end[2]
+    target, way, t_max = NONE, (x, y, z), math.inf
     if light == world.lights.kind.size:
-        add_segment(paths, rays, n, source, px, py, pz, NONE, px + x, py + y, pz + z, True)
-        rays.way[n, 0], rays.way[n, 1], rays.way[n, 2] = x, y, z
-        rays.t_max[n] = math.inf
+        x, y, z = px + x, py + y, pz + z
     else:
-        lamp = world.surface_of_light[light]
-        add_segment(paths, rays, n, source, px, py, pz, lamp, x, y, z, True)
-    rays.value[n, 0], rays.value[n, 1], rays.value[n, 2] = r, g, b
+        target, way, t_max = world.surface_of_light[light], (x - px, y - py, z - pz), 1.0
+    write_ray(
+        rays, n, paths.camera_ray[0], source, target, (px, py, pz), way, (x, y, z), t_max, (r, g, b), True
+    )  # fmt: skip

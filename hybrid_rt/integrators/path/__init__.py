@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from hybrid_rt.integrators.declaration import Declaration, OtherWay
 from hybrid_rt.integrators.options import PathOptions
+from hybrid_rt.integrators.techniques import found_by_path, paths_found
 
 if TYPE_CHECKING:
     from hybrid_rt.integrators.context import RenderContext
@@ -19,16 +20,10 @@ def _make(context: RenderContext, threads: int) -> Workers:
     return Workers(context, threads, PathTracer)
 
 
-def _finds(options: PathOptions) -> str:
-    # A lamp without area is never run into: it is found where a surface that spreads light asks it.
-    asked = "" if options.strategy == "directions" else "|P[DG][DGS]*E"
-    return f"[LUK][DGS]*E{asked}"
-
-
 PATH = Declaration(
     name="path",
     make=_make,
-    finds=_finds,
+    finds=lambda options: paths_found(found_by_path(options.strategy, subpaths=False)),
     options=PathOptions,
     other_way=OtherWay("never asking a light", PathOptions(strategy="directions")),
     follows_single_paths=True,

@@ -28,8 +28,8 @@ NO_CORE = Core([], NOTHING)
 MOST_TURNED = np.pi - 1e-4
 
 
-def balls_of(scene: CompiledScene) -> Balls:
-    """Return the spheres that throw light in a way that `Balls` describes.
+def balls_of(scene: CompiledScene, *, wanted: bool = True) -> Balls:
+    """Return the spheres that throw light in a way that `Balls` describes; none unless ``wanted``.
 
     Each is of one mirror, or of glass with an index above 1. Those that coincide with others are
     left out, as a ray crosses two surfaces there at once, and those within a ball of glass, which
@@ -40,12 +40,8 @@ def balls_of(scene: CompiledScene) -> Balls:
     within_ball = _within(spheres)
     within = {i for ball in glass for i in within_ball[ball]}
     mirrors = [i for i in spheres if _is_mirror(scene, i)]
-    return _table(scene, [i for i in sorted(glass + mirrors) if i not in within])
-
-
-def no_balls(scene: CompiledScene) -> Balls:
-    """Return a table without rows."""
-    return _table(scene, [])
+    rows = [i for i in sorted(glass + mirrors) if i not in within]
+    return _table(scene, rows if wanted else [])
 
 
 def _table(scene: CompiledScene, rows: list[int]) -> Balls:
@@ -62,6 +58,7 @@ def _table(scene: CompiledScene, rows: list[int]) -> Balls:
     return Balls(
         center=np.array([spheres[i].center for i in rows]).reshape(-1, 3),
         radius=radius,
+        square=radius * radius,
         surface=np.array(rows, dtype=np.int32),
         lobe=np.asarray(lobe, dtype=np.int32),
         is_glass=scene.lobes.traits[lobe] & TRANSMITS != 0,

@@ -22,16 +22,11 @@ RIM = 1e-6
 RIGHT = 1e-12
 
 
-def boxes_of(scene: CompiledScene) -> Boxes:
-    """Return the boxes of clear glass, with an index above 1."""
+def boxes_of(scene: CompiledScene, *, wanted: bool) -> Boxes:
+    """Return the boxes of clear glass, with an index above 1; none unless ``wanted``."""
     surfaces = scene.surfaces
     rows = [i for i in range(len(surfaces)) if isinstance(surfaces[i], Box) and is_clear(scene, i)]
-    return _table(scene, rows)
-
-
-def no_boxes(scene: CompiledScene) -> Boxes:
-    """Return a table without rows."""
-    return _table(scene, [])
+    return _table(scene, rows if wanted else [])
 
 
 def _table(scene: CompiledScene, rows: list[int]) -> Boxes:

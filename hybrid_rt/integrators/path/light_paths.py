@@ -20,18 +20,19 @@ from hybrid_rt.core.records import BoolArray, FloatArray, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import SurfaceLight
 from hybrid_rt.integrators.kernels import light_paths as kernels
-from hybrid_rt.integrators.kernels.compaction import choose_lights
 from hybrid_rt.integrators.kernels.connections import (
     CANDIDATE_COLUMNS,
     CANDIDATES,
     splat_light_vertices,
 )
 from hybrid_rt.integrators.kernels.light_paths import LightPaths, LightVertices
+from hybrid_rt.integrators.kernels.light_sampling import choose_lights
 from hybrid_rt.integrators.light_points import leaving_points
 from hybrid_rt.integrators.media.absorption import absorb, square_of_index
 from hybrid_rt.integrators.media.beginnings import MediaAroundCamera, MediaAroundLights
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
 from hybrid_rt.integrators.options import PathOptions
+from hybrid_rt.integrators.rows import joined, new_rows, rows_of
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING, CompiledScene
 from hybrid_rt.shading.kernels.bsdf import LobeTable
@@ -60,76 +61,34 @@ LINE = 64
 
 @dataclass(frozen=True)
 class LightVertexPasses:
-    """The light vertices of some passes, or of a part of one, and their splats.
-
-    Attributes
-    ----------
-    passes : range
-    points : LightVertices
-        Those that camera paths are connected to, in the order of the passes.
-    offsets : (passes + 1,) int64
-        First row of each pass.
-    first_splat : (passes + 1,) int64
-        First splat of each pass.
-    pixel : (splats,) int64
-        The pixel that sees a light vertex; -1: none.
-    value : (splats, 3) float64
-        Radiance splatted there.
-    """
+    """The light vertices of some passes, or of a part of one, and their splats."""
 
     passes: range
-    points: LightVertices
-    offsets: NDArray[np.int64]
-    first_splat: NDArray[np.int64]
-    pixel: NDArray[np.int64]
-    value: FloatArray
+    points: LightVertices  # those that camera paths are connected to, in the order of the passes
+    offsets: NDArray[np.int64]  # (passes + 1,), first row of each pass
+    first_splat: NDArray[np.int64]  # (passes + 1,), first splat of each pass
+    pixel: NDArray[np.int64]  # (splats,), that sees a light vertex; -1: none
+    value: FloatArray  # (splats, 3), radiance splatted there
 
 
 class LightOfPasses(NamedTuple):
-    """The light vertices that the camera paths of some passes are connected with.
-
-    Attributes
-    ----------
-    first_pass : int
-    points : LightVertices
-        See `packed`.
-    first_of_pass : (passes + 1,) int64
-        First row of each pass.
-    candidates, first_group : ndarray
-        See `candidates_of`.
-    """
+    """The light vertices that the camera paths of some passes are connected with."""
 
     first_pass: int
-    points: LightVertices
-    first_of_pass: IntArray
-    candidates: FloatArray
+    points: LightVertices  # see `packed`
+    first_of_pass: IntArray  # (passes + 1,), first row of each pass
+    candidates: FloatArray  # see `candidates_of`
     first_group: IntArray
 
 
 class LightPathTracer:
     """Traces light subpaths, pass by pass; each pass is a pure function of seed and number.
 
-    Parameters
-    ----------
-    context : RenderContext
-    light : SurfaceLight
-    contacts : Contacts or None
-        None if no dielectric touches another surface.
-    around_camera : MediaAroundCamera
-    options : PathOptions
-        Number of light subpaths.
-    keeps_all : bool
-        Whether the vertices of all light are kept, not only of what mirrors and lenses throw.
-
-    Attributes
-    ----------
-    n_paths : int
-        Light subpaths per pass.
-    is_smooth : (objects,) bool
-        Objects with interpolated shading normals.
-    keeps_all : bool
-    min_distance : float
-        Distance from which on light is found by connections alone; inf until it is estimated.
+    ``contacts``: None if no dielectric touches another surface.
+    ``keeps_all``: the vertices of all light are kept, not only of what mirrors and lenses throw.
+    ``n_paths``: light subpaths per pass.
+    ``is_smooth`` (objects,) bool: objects with interpolated shading normals.
+    ``min_distance``: from which on light is found by connections alone; inf until it is estimated.
     """
 
     def __init__(
@@ -213,7 +172,7 @@ class LightPathTracer:
         """Return the light vertices that camera paths are connected to, and their rows."""
         rows = np.flatnonzero(~self._narrow[points.material])
         if rows.size < points.density.size:
-            points = LightVertices(*(column.take(rows, axis=0) for column in points))
+            points = rows_of(points, rows)
         return points, rows
 
     def _trace(
@@ -249,7 +208,7 @@ class LightPathTracer:
                     paths, scene.lobes, self._narrow, shading.vertices, hits.object_id, step,
                     self.keeps_all, out, row,
                 )  # fmt: skip
-                points = LightVertices(*(column[:n_out] for column in out))
+                points = rows_of(out, slice(n_out))
                 found.append((points, paths.sample[row[:n_out]], paths.number[row[:n_out]]))
             going = LightPaths(*(np.empty_like(column) for column in paths))
             n_going = kernels.extend_light_paths(
@@ -259,16 +218,14 @@ class LightPathTracer:
                 self._points(paths.sample, paths.number, FIRST_STEP + 2 * step + 1), step,
                 self.keeps_all, going,
             )  # fmt: skip
-            paths = LightPaths(*(column[:n_going] for column in going))
+            paths = rows_of(going, slice(n_going))
             if n_going == 0:
                 break
         lists, samples, numbers = zip(*found, strict=True)
         sample = np.concatenate(samples)
         # Within a pass by steps and number, whichever passes were traced together.
         order = np.argsort(sample, kind="stable")
-        points = joined(list(lists))
-        points = LightVertices(*(column.take(order, axis=0) for column in points))
-        return points, sample[order], np.concatenate(numbers)[order]
+        return rows_of(joined(lists), order), sample[order], np.concatenate(numbers)[order]
 
     def _ends(self, paths: LightPaths, material: IntArray, step: int) -> BoolArray:
         """Return which paths end: their light is not kept, and nothing narrow leads on."""
@@ -369,30 +326,10 @@ def finds_all_light(scene: CompiledScene) -> bool:
     return scene.environment is None and not scene.vertex_normals and bool((begins | ~shines).all())
 
 
-def joined(parts: list[LightVertices]) -> LightVertices:
-    """Concatenate light vertices."""
-    if len(parts) == 1:
-        return parts[0]
-    return LightVertices(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-
-
 def new_light_vertices(n: int, n_slots: int) -> LightVertices:
     """Allocate n light vertices."""
-    return LightVertices(
-        position=np.empty((n, 3)),
-        normal=np.empty((n, 3)),
-        geometric=np.empty((n, 3)),
-        direction=np.empty((n, 3)),
-        material=np.empty(n, dtype=np.int32),
-        colors=np.empty((n, n_slots, 3)),
-        flux=np.empty((n, 3)),
-        density=np.empty(n),
-        strength=np.empty(n),
-        square=np.empty(n),
-        ratio=np.empty(n),
-        object_id=np.empty(n, dtype=np.int32),
-        steps=np.empty(n, dtype=np.int64),
-    )
+    form = f"3f8, 3f8, 3f8, 3f8, i4, ({n_slots},3)f8, 3f8, f8, f8, f8, f8, i4, i8"
+    return new_rows(LightVertices, n, form)
 
 
 def packed(points: LightVertices) -> LightVertices:

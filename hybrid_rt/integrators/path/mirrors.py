@@ -20,30 +20,20 @@ MOST_MIRRORS = 8
 GRID, MOST_PIECES = np.linspace(0.0, 1.0, 5), 64
 
 
-def mirrors_of(scene: CompiledScene, *, alone: bool) -> Mirrors:
-    """Return the rectangles that are mirrors of one colour, or mirrors in part.
+def mirrors_of(scene: CompiledScene, *, alone: bool, wanted: bool = True) -> Mirrors:
+    """Return the rectangles that are mirrors of one colour, or mirrors in part; none unless ``wanted``.
 
     Those on which another flat surface lies are left out: a shadow ray that ends in both would not
     tell which of them is there.
-
-    Parameters
-    ----------
-    scene : CompiledScene
-    alone : bool
-        Whether mirrors in part are left out, which spread light as well.
+    ``alone``: mirrors in part, which spread light as well, are left out too.
     """
     rows = {}
-    for i, surface in enumerate(scene.surfaces):
+    for i, surface in enumerate(scene.surfaces if wanted else []):
         lobe = _mirror_of(scene, i, alone)
         if isinstance(surface, Rectangle) and lobe != NOTHING and not _is_covered(scene, i):
             rows[i] = lobe
     largest = sorted(rows, key=lambda i: -_area(scene.surfaces[i]))[:MOST_MIRRORS]
     return _table(scene, {i: rows[i] for i in sorted(largest)})
-
-
-def no_mirrors(scene: CompiledScene) -> Mirrors:
-    """Return a table without rows."""
-    return _table(scene, {})
 
 
 def _table(scene: CompiledScene, lobe_of: dict[int, int]) -> Mirrors:

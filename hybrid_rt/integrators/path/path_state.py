@@ -9,11 +9,9 @@ from hybrid_rt.core.records import HitRecord, NamedPoints, Status
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.ball_optics import MOST_WAYS
 from hybrid_rt.integrators.kernels.branches import MOST_SPLITS
-from hybrid_rt.integrators.kernels.compaction import Paths
 from hybrid_rt.integrators.kernels.connections import CANDIDATES
 from hybrid_rt.integrators.kernels.followed_paths import Doubtful
 from hybrid_rt.integrators.kernels.path_vertex import Tally, Vertex
-from hybrid_rt.integrators.kernels.ways import N_COLUMNS
 from hybrid_rt.integrators.light_points import new_light_points
 from hybrid_rt.intersection.kernels.search.rays import Record
 from hybrid_rt.intersection.single_rays import SingleRayTracer
@@ -22,39 +20,6 @@ from hybrid_rt.shading.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULA
 
 # From so many on they are traced together.
 MOST_DOUBTFUL = 2**14
-
-
-def new_paths(n: int, media_depth: int, has_light_paths: bool, samples_specular: bool) -> Paths:
-    """Allocate n paths.
-
-    Parameters
-    ----------
-    n : int
-    media_depth : int
-        `STACK`, or 0 without dielectrics.
-    has_light_paths : bool
-        Whether they are weighted against light subpaths.
-    samples_specular : bool
-        Whether lamps are reached by way of mirrors and glass.
-    """
-    return Paths(
-        camera_ray=np.empty(n, dtype=np.int64),
-        pixel=np.empty(n, dtype=np.uint64),
-        sample=np.empty(n, dtype=np.uint64),
-        origins=np.empty((n, 3)),
-        directions=np.empty((n, 3)),
-        throughput=np.empty((n, 3)),
-        pdf=np.empty(n),
-        carried=np.empty(n),
-        splits=np.empty(n, dtype=np.int8),
-        connection_pdf=np.empty(n if has_light_paths else 0),
-        media=np.empty((n, media_depth), dtype=np.int32),
-        source_id=np.empty(n, dtype=np.int32),
-        joined=np.empty(n if has_light_paths else 0, dtype=np.bool_),
-        has_met_wide=np.empty(n if has_light_paths else 0, dtype=np.bool_),
-        chain=np.empty(n if samples_specular else 0, dtype=np.int8),
-        anchor=np.empty((n if samples_specular else 0, N_COLUMNS)),
-    )
 
 
 def columns_of(hits: HitRecord) -> Record:
@@ -67,19 +32,9 @@ def new_vertex(
 ) -> Vertex:
     """Allocate a vertex.
 
-    Parameters
-    ----------
-    hit : Record of one row
-    n_slots : int
-        Lobes of a material at most.
-    smooth : bool
-        Whether shading normals may differ from geometric ones.
-    contacts : bool
-        Whether faces may coincide.
-    shining : bool
-        Whether there are lights of kind `SURFACE`.
-    rough : bool
-        Whether there is rough glass.
+    ``hit``, Record of one row; ``n_slots``: lobes of a material at most.
+    ``smooth``: shading normals may differ from geometric ones. ``contacts``: faces may coincide.
+    ``shining``: there are lights of kind `SURFACE`. ``rough``: there is rough glass.
     """
     return Vertex(
         hit=hit,

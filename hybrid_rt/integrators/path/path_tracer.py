@@ -51,9 +51,9 @@ from hybrid_rt.integrators.kernels.ways import ALL_LIGHTS, NO_LIGHTS, SKY_ALONE
 from hybrid_rt.integrators.light_points import new_light_points
 from hybrid_rt.integrators.media.contacts import NO_SECOND
 from hybrid_rt.integrators.options import PathOptions
-from hybrid_rt.integrators.path.balls import balls_of, no_balls
-from hybrid_rt.integrators.path.boxes import boxes_of, no_boxes
-from hybrid_rt.integrators.path.camera_paths import glass_alone, leaving_camera
+from hybrid_rt.integrators.path.balls import balls_of
+from hybrid_rt.integrators.path.boxes import boxes_of
+from hybrid_rt.integrators.path.camera_paths import glass_alone, leaving_camera, new_paths
 from hybrid_rt.integrators.path.light_paths import (
     PILOT_PATHS,
     LightOfPasses,
@@ -62,17 +62,15 @@ from hybrid_rt.integrators.path.light_paths import (
     candidates_of,
     diffuse_materials,
     finds_all_light,
-    joined,
     new_light_vertices,
     packed,
 )
-from hybrid_rt.integrators.path.mirrors import mirrors_of, no_mirrors
+from hybrid_rt.integrators.path.mirrors import mirrors_of
 from hybrid_rt.integrators.path.path_state import (
     columns_of,
     count_single_rays,
     count_vertices,
     new_doubtful,
-    new_paths,
     new_tally,
     new_vertex,
 )
@@ -83,6 +81,7 @@ from hybrid_rt.integrators.path.pilot import (
     PILOT_LIGHT_PATHS,
     work_times_noise,
 )
+from hybrid_rt.integrators.rows import joined, rows_of
 from hybrid_rt.intersection.kind import new_record
 from hybrid_rt.intersection.single_rays import no_single_rays
 from hybrid_rt.scene.compiled import NOTHING
@@ -104,12 +103,7 @@ NO_NUMBER = np.zeros(0, dtype=np.int64)
 
 
 class PathTracer(Integrator):
-    """See the module; `Integrator` for what it offers.
-
-    Parameters
-    ----------
-    context : RenderContext
-    """
+    """See the module; `Integrator` for what it offers."""
 
     def __init__(self, context: RenderContext) -> None:
         super().__init__(context)
@@ -155,14 +149,11 @@ class PathTracer(Integrator):
         )
         self._samples_sky, self._rr_radiance = self._sky_to_sample()
         self._samples_lamps = False  # from all surfaces, for want of useful light paths
-        if self._samples_sky or self._lamps is not None:
-            self._balls, self._boxes = balls_of(scene), boxes_of(scene)
-        else:
-            self._balls, self._boxes = no_balls(scene), no_boxes(scene)
-        self._mirrors = no_mirrors(scene)
-        if self._lamps is not None:
-            # Where the sky is sampled as well, a surface that is a mirror in part would be sampled twice.
-            self._mirrors = mirrors_of(scene, alone=self._samples_sky)
+        sends = self._lamps is not None
+        self._balls = balls_of(scene, wanted=self._samples_sky or sends)
+        self._boxes = boxes_of(scene, wanted=self._samples_sky or sends)
+        # Where the sky is sampled as well, a surface that is a mirror in part would be sampled twice.
+        self._mirrors = mirrors_of(scene, alone=self._samples_sky, wanted=sends)
         self._plan_ways()
         self._scratch = self._new_scratch()
         self._doubtful = new_doubtful(context.max_depth if self._follows else 0)
@@ -408,7 +399,7 @@ class PathTracer(Integrator):
                 self._light.add_unblocked(shadows, n_rays, radiance)
             if n_out == 0:
                 break
-            paths = Paths(*(column[:n_out] for column in out))
+            paths = rows_of(out, slice(n_out))
             out, spare = spare, out
 
     def _shaded(self, paths: Paths, hits: HitRecord, second: IntArray, depth: int) -> Arrival:

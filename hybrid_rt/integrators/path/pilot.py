@@ -32,12 +32,8 @@ PILOT_PIXELS, PILOT_LIGHT_PATHS = 512, 1024
 def work_times_noise(integrator: Integrator, n_light_paths: int) -> float:
     """Return rays for each camera ray times the relative squared error of a pass.
 
-    Parameters
-    ----------
-    integrator : Integrator
-        Traces the light paths of a pass, and follows camera rays; its counts are left alone.
-    n_light_paths : int
-        Light paths of a pass of the picture.
+    ``integrator`` traces the light paths of a pass, and follows camera rays; its counts are left alone.
+    ``n_light_paths``: those of a pass of the picture.
     """
     camera = integrator.context.scene.camera
     n_pixels, pixels = camera.width * camera.height, PILOT_PIXELS

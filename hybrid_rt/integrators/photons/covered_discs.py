@@ -25,7 +25,7 @@ from hybrid_rt.integrators.kernels.density_estimate import (
     segments_to_photons,
 )
 from hybrid_rt.integrators.media.contacts import Contacts
-from hybrid_rt.integrators.photons.density_estimation import Points
+from hybrid_rt.integrators.photons.density_estimation import Places, Points
 from hybrid_rt.shading.kernels.lobes.register import WIDE
 
 # Segments are sent until so many have met a surface. The variance of the factor, relative to its square, is
@@ -52,20 +52,13 @@ Draw = Callable[[NDArray[np.intp], int, int], FloatArray]
 """Takes rows, the number of a draw and how many draws; returns points (draws, rows, 2) in [0, 1)."""
 
 
-class ThinPlaces:
+class ThinPlaces(Places):
     """Where discs are wider than what they lie on, by a pilot set of points.
 
     At a straight edge half of a disc is empty, and beside it discs are full: there light is only blurred.
     Thin are places where less than `THIN` is covered, and those around which most discs have gaps.
-
-    ``places`` (n, 3).
-    ``reach`` (n,): points within it have a thin place beside them.
+    Points within their reach have a thin place beside them.
     """
-
-    def __init__(self, places: FloatArray, reach: FloatArray) -> None:
-        from scipy.spatial import cKDTree
-
-        self._tree, self._reach = cKDTree(places), reach
 
     @classmethod
     def of(
@@ -104,13 +97,6 @@ class ThinPlaces:
         found, _ = every.query(points.position[rows], [min(NEAREST_PLACES, radius.size)])
         distance = np.asarray(found, dtype=np.float64)[:, 0]
         return cls(points.position[rows], np.maximum(distance, radius[rows]))
-
-    def near(self, position: FloatArray) -> NDArray[np.intp]:
-        """Return which points (n, 3) have a thin place beside them."""
-        found, nearest = self._tree.query(position, distance_upper_bound=self._reach.max())
-        distance, nearest = np.asarray(found), np.asarray(nearest)
-        within = np.flatnonzero(np.isfinite(distance))
-        return within[distance[within] <= self._reach[nearest[within]]]
 
 
 def one_over_coverage(

@@ -11,20 +11,22 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.kernels.density_estimate import (
     Sums,
     add_photons,
     count_in_cells,
     most_neighbours,
 )
-from hybrid_rt.integrators.kernels.photon_steps import IS_SHOWN, Photons
+from hybrid_rt.integrators.kernels.photon_steps import IS_SHOWN, MET_SPECULAR, Photons
+from hybrid_rt.integrators.shading import NO_RATIO
 from hybrid_rt.scene.compiled import CompiledScene
 from hybrid_rt.sensor.projection import Projection
 from hybrid_rt.shading.kernels.bsdf import LobeTable, Vertices
@@ -56,8 +58,11 @@ WIDEST_ON_SURFACE = 0.25
 FEW_PHOTONS = (64, 256)
 # Pairs of points and photons looked at together; a pair takes 24 bytes.
 MOST_PAIRS = 2**20
-# Photons are gathered on one side of a surface.
-NO_RATIO = np.empty(0)
+# Light tracing pays where at least this share of the pilot pass's caustic photons lies in dense places,
+# and of these is seen by the camera, judged by so many of them at most.
+LEAST_DENSE, MOST_JUDGED = 0.02, 1024
+# A segment to a photon ends this much of its length before it.
+BEFORE_END = 1e-6
 
 
 @dataclass(frozen=True)
@@ -75,15 +80,6 @@ class Points:
     is_direct: BoolArray
     xi: FloatArray  # (n,) in [0, 1): samples one photon for each point
     widest: FloatArray  # (n,): radius of a disc at most, unless it is given: see `widest_discs`
-
-    def rows(self, rows: NDArray[np.intp]) -> Points:
-        """Select rows."""
-        return Points(
-            *(
-                column[rows] if len(column) else column
-                for column in (getattr(self, field.name) for field in fields(self))
-            )
-        )
 
     @property
     def vertices(self) -> Vertices:
@@ -176,29 +172,17 @@ class Radii:
     ) -> Radii:
         """Return radii from the distances between photons.
 
-        Parameters
-        ----------
-        photons : Photons
-            The first photons.
-        share : float
-            Their number over that of a pass.
-        camera : Projection
-            Discs are at least as wide as its pixels: smaller ones add noise and no resolution.
-        extent : float
-            Size of the scene; where photons are very sparse, the radius is a fraction of it.
-        threads : int
+        ``photons``: the first ones; ``share``: their number over that of a pass. Discs are at least as wide
+        as the pixels of ``camera``: smaller ones add noise and no resolution. Where photons are very
+        sparse, the radius is a fraction of ``extent``, the size of the scene.
         """
         position = photons.position
-        wanted = max(round(NEAREST * share), 3)
-        if len(position) <= 2 * wanted:
+        if len(position) <= 2 * _neighbours(share):
             return cls.fixed(WIDEST * extent)
-        from scipy.spatial import cKDTree
-
-        found, _ = cKDTree(position).query(position, [wanted + 1], workers=threads)
-        distance = np.asarray(found, dtype=np.float64)[:, 0]
         # Where many photons fall in one point the distance is zero, and no radius may be.
-        radius = distance * math.sqrt(NEAREST * share / wanted)
-        radius = np.maximum(radius, PIXELS * camera.pixel_widths(position))
+        radius = np.maximum(
+            _radii_around(position, share, threads), PIXELS * camera.pixel_widths(position)
+        )
         # The widest disc would hold less than a photon: what is seen is small beside what they light.
         is_sparse = bool(np.median(radius) > math.sqrt(NEAREST) * WIDEST * extent)
         widest = (WIDEST_ASKED if is_sparse else WIDEST) * extent
@@ -341,6 +325,71 @@ class Nearest(Field):
             pairs = first + row, np.asarray(number)[row, k], distance[row, k]
             self._add(pairs, radius, points, xi, sums)
         return radius
+
+
+class Places:
+    """Places of a scene, and how far around each of them counts.
+
+    ``position`` (n, 3).
+    ``reach`` (n,).
+    """
+
+    def __init__(self, position: FloatArray, reach: FloatArray) -> None:
+        from scipy.spatial import cKDTree
+
+        self._tree: cKDTree = cKDTree(position)
+        self._position, self._reach = position, reach
+
+    def near(self, position: FloatArray) -> NDArray[np.intp]:
+        """Return which points (n, 3) lie within the reach of the nearest place."""
+        found, nearest = self._tree.query(position, distance_upper_bound=self._reach.max())
+        distance, nearest = np.asarray(found), np.asarray(nearest)
+        within = np.flatnonzero(np.isfinite(distance))
+        return within[distance[within] < self._reach[nearest[within]]]
+
+
+class DensePlaces(Places):
+    """Caustic photons of a first set, and the radius around each in which caustics are dense; or 0."""
+
+    @classmethod
+    def of(
+        cls, photons: Photons, share: float, camera: Projection, threads: int
+    ) -> DensePlaces | None:
+        """Return where a disc as wide as a pixel holds enough caustic photons; None: nowhere.
+
+        ``share`` is the number of these photons over that of a pass.
+        """
+        position = photons.position[photons.history == MET_SPECULAR]
+        if len(position) <= _neighbours(share):
+            return None
+        pixel = PIXELS * camera.pixel_widths(position)
+        is_dense = _radii_around(position, share, threads) < pixel
+        if is_dense.mean() < LEAST_DENSE:
+            return None
+        return cls(position, np.where(is_dense, pixel, 0.0))
+
+    def are_seen(self, context: RenderContext) -> bool:
+        """Tell whether the camera sees enough of the dense caustics directly, not through glass."""
+        dense = self._position[self._reach > 0.0]
+        judged = dense[:: max(len(dense) // MOST_JUDGED, 1)]
+        way, _, pdf = context.scene.camera.sees(judged)
+        tracer = context.tracer.with_own_counters()
+        is_hidden = tracer.occluded(judged - way, way, 1.0 - BEFORE_END)
+        return bool(np.mean((pdf > 0.0) & ~is_hidden) >= LEAST_DENSE)
+
+
+def _neighbours(share: float) -> int:
+    """Return how many neighbours of a photon are looked for where only a share of a pass was sent."""
+    return max(round(NEAREST * share), 3)
+
+
+def _radii_around(position: FloatArray, share: float, threads: int) -> FloatArray:
+    """Return the radius about each photon that holds `NEAREST` others of a pass."""
+    from scipy.spatial import cKDTree
+
+    wanted = _neighbours(share)
+    found, _ = cKDTree(position).query(position, [wanted + 1], workers=threads)
+    return np.asarray(found, dtype=np.float64)[:, 0] * math.sqrt(NEAREST * share / wanted)
 
 
 def widest_discs(scene: CompiledScene) -> FloatArray:

@@ -2,18 +2,26 @@
 
 A camera path is followed through mirrors, metals and glass. At every wide lobe, direct light is
 found by next-event estimation and indirect light by density estimation; the delta and narrow lobes
-of a mixture are followed further, at glass both branches (`hybrid_rt.integrators.photons.branching`). Shadow rays find direct light with less noise than photons and
+of a mixture are followed further. Shadow rays find direct light with less noise than photons and
 without blur, so photons are stored from their second hit on.
+
+At glass both branches are followed, each with its share (Arvo and Kirk, "Particle transport and image
+synthesis", SIGGRAPH 1990): a path that chooses reflection by its reflectance, 0.04, and then meets a lamp
+adds the lamp's whole radiance to one pixel in 25. Roulette leaves paths of `FAINT` or more alone, and
+fainter ones survive with `FAINT`. So no path carries more than it should but by `FAINT`, and of a camera
+ray no more than 1 / `FAINT` branches are expected at a time.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.core.records import FloatArray, IntArray, NamedPoints
+from hybrid_rt.core.records import BoolArray, FloatArray, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import (
     NO_CONNECTION,
@@ -27,17 +35,11 @@ from hybrid_rt.integrators.integrator import (
     Integrator,
     place_of_pixel,
 )
-from hybrid_rt.integrators.kernels.compaction import Paths, add_products, pack_paths
+from hybrid_rt.integrators.kernels.branches import LAST
+from hybrid_rt.integrators.kernels.compaction import Paths, add_products
 from hybrid_rt.integrators.kernels.density_estimate import LARGEST_HEIGHT, Sums, segments_to_photons
 from hybrid_rt.integrators.media.absorption import absorb, square_of_index
 from hybrid_rt.integrators.path.camera_paths import leaving_camera
-from hybrid_rt.integrators.photons.branching import (
-    Branching,
-    joined_paths,
-    joined_shading,
-    rows_of_paths,
-    rows_of_shading,
-)
 from hybrid_rt.integrators.photons.covered_discs import (
     MOST_SEGMENTS,
     Draw,
@@ -46,11 +48,14 @@ from hybrid_rt.integrators.photons.covered_discs import (
 )
 from hybrid_rt.integrators.photons.density_estimation import Discs, Field, Points, widest_discs
 from hybrid_rt.integrators.photons.photon_tracer import PhotonTracer
-from hybrid_rt.integrators.shading import Shading
+from hybrid_rt.integrators.rows import joined, rows_of
+from hybrid_rt.integrators.shading import Shading, glass_branches
 from hybrid_rt.sampling.sampler import UIntArray
+from hybrid_rt.scene.compiled import NOTHING
 from hybrid_rt.sensor.film import OVERFLOWS
 from hybrid_rt.shading.kernels.emitter import BOTH, LIGHT_ONLY
-from hybrid_rt.shading.kernels.lobes.register import EVERY, FOLLOWED, NARROW, WIDE
+from hybrid_rt.shading.kernels.lobes.register import EVERY, FOLLOWED, NARROW, TRANSMITS, WIDE
+from hybrid_rt.shading.kernels.medium_stack import IOR
 from hybrid_rt.shading.kernels.scatter import (
     ABSORBED,
     LEFT,
@@ -61,6 +66,10 @@ from hybrid_rt.shading.kernels.scatter import (
     scatter,
 )
 
+# Variance over that of choosing always and roulette by what is carried, 10 renders of 8 passes of
+# 10 000 photons, 48 pixels wide: wine_glass 0.14, teapot_ppm 0.44, glass_and_mirror 0.87, still_life 0.52,
+# for 1.05 to 1.25 times the time. With 0.1 (2000 photons): 0.27, 0.54, 0.98, 0.83.
+FAINT = 0.02
 # Small pictures send several camera rays of each pixel together, up to so many: the steps of few rays cost no
 # less than those of many.
 FEWEST_AT_ONCE = 2**14
@@ -79,21 +88,6 @@ class PendingPoints:
     shading: Shading
     depth: UIntArray  # (n,) uint64, of the path that arrives there
 
-    @classmethod
-    def joined(cls, parts: list[PendingPoints]) -> PendingPoints:
-        """Concatenate points."""
-        return cls(
-            joined_paths([part.paths for part in parts]),
-            joined_shading([part.shading for part in parts]),
-            np.concatenate([part.depth for part in parts]),
-        )
-
-    def rows(self, rows: NDArray[np.intp]) -> PendingPoints:
-        """Select rows."""
-        return PendingPoints(
-            rows_of_paths(self.paths, rows), rows_of_shading(self.shading, rows), self.depth[rows]
-        )
-
 
 class EyePass(Integrator):
     """See the module; `Integrator` for what it offers.
@@ -107,11 +101,10 @@ class EyePass(Integrator):
     ``is_in_the_open``: whether the camera is outside all dielectrics.
     ``blur`` (pixels, 3): radiance of this pass minus that by discs of half the area, from which the
     blur is estimated. Written.
-    ``n_points``, ``n_gathered``, ``n_without``: points that gathered photons, photons that they
-    gathered, and points that met none. Written.
-    ``n_shown``: those among ``n_without`` whose discs hold photons that were shown to the camera,
-    judged by some of them. Written.
-    ``shown_power``: power of these photons, of each block and pass once, at least. Written.
+    ``counted``: "n_points", "n_gathered" and "n_without", points that gathered photons, photons that they
+    gathered, and points that met none; "n_shown", those of the latter whose discs hold photons that were
+    shown to the camera, judged by some of them; "shown_power", power of these photons, of each block and
+    pass once, at least. Written.
     """
 
     def __init__(self, context: RenderContext) -> None:
@@ -123,11 +116,7 @@ class EyePass(Integrator):
         self.n_shadow_rays = 1
         camera = context.scene.camera
         self.blur = np.zeros((camera.height * camera.width if context.plan["photons"] else 0, 3))
-        self.n_gathered = 0
-        self.n_points = 0
-        self.n_without = 0
-        self.n_shown = 0
-        self.shown_power = 0.0
+        self.counted: dict[str, Any] = Counter()
         self._share_of_rays = 1.0
         lights, plan, lobes = context.scene.lights, context.plan, context.scene.lobes
         # Next-event estimation alone finds direct light at wide lobes, so its weight is one.
@@ -138,7 +127,10 @@ class EyePass(Integrator):
         self._casts_them_for_narrow = self.casts_shadow_rays and bool((lobes.traits & NARROW).any())
         self.is_in_the_open = self._media_around_camera.is_in_the_open
         self._is_wide = context.scene.lobes_with(WIDE)
-        self._branching = Branching(context)
+        # Where glass is all that is followed, a choice is between its two branches.
+        is_alone = context.scene.lobes_with(FOLLOWED).sum(axis=1) == 1
+        self._splits = is_alone & context.scene.materials_with(TRANSMITS)
+        self._splits &= ~context.scene.materials_with(NARROW)
         self._follows = context.scene.materials_with(FOLLOWED)
 
     def trace(self, passes: range, first: int, stop: int) -> FloatArray:
@@ -181,20 +173,16 @@ class EyePass(Integrator):
                 # --- surfaces that spread light widely: lights and photons come later
                 wide = np.flatnonzero(self.photon_tracer.gathers[material])
                 if wide.size:
-                    waiting.append(
-                        PendingPoints(
-                            rows_of_paths(paths, wide),
-                            rows_of_shading(shading, wide, self._is_wide),
-                            np.full(wide.size, depth, dtype=np.uint64),
-                        )
-                    )
+                    here = _by_lobes(rows_of(shading, wide), self._is_wide)
+                    depths = np.full(wide.size, depth, dtype=np.uint64)
+                    waiting.append(PendingPoints(rows_of(paths, wide), here, depths))
                 # --- where they go next by mirrors, metals and glass, and which ones stop
                 paths = self._onward(paths, shading, second, depth, radiance)
             if paths.camera_ray.size == 0:
                 break
         # --- light at all these places: few large batches are faster
         if waiting:
-            self._add_at(PendingPoints.joined(waiting), block, radiance)
+            self._add_at(joined(waiting), block, radiance)
         return radiance
 
     def _add_at(self, points: PendingPoints, block: CameraBlock, radiance: FloatArray) -> None:
@@ -225,7 +213,7 @@ class EyePass(Integrator):
         is_strong = largest_channel(points.paths.throughput) ** 2 * n > 1.0
         for rows, n_each in ((np.flatnonzero(is_strong), n), (np.flatnonzero(~is_strong), 1)):
             if rows.size:
-                self._add_shadow_rays(points.rows(rows), n_each, radiance)
+                self._add_shadow_rays(rows_of(points, rows), n_each, radiance)
 
     def _add_shadow_rays(self, points: PendingPoints, n: int, radiance: FloatArray) -> None:
         paths = points.paths
@@ -256,10 +244,10 @@ class EyePass(Integrator):
             add_products(camera_ray, throughput, sums.value, radiance)
             add_products(camera_ray, throughput, sums.blur, blur)
             self._note_gathered(field, camera_ray, throughput, sums)
-            self.n_points += camera_ray.size
-            self.n_gathered += int(sums.near.sum())
+            self.counted["n_points"] += camera_ray.size
+            self.counted["n_gathered"] += int(sums.near.sum())
             without = np.flatnonzero(sums.near == 0)
-            self.n_without += without.size
+            self.counted["n_without"] += without.size
             self._note_shown(points, field, without)
 
     def _points_of(self, waiting: PendingPoints) -> Points:
@@ -292,7 +280,7 @@ class EyePass(Integrator):
         twice, wide = np.tile(rows, 2), np.tile(radius[rows], 2)
         area = np.repeat([1.0, 0.5], rows.size)
         factor, mixed = one_over_coverage(
-            self.context, self._contacts, points.rows(twice), np.sqrt(area) * wide, LARGEST_HEIGHT * wide,
+            self.context, self._contacts, rows_of(points, twice), np.sqrt(area) * wide, LARGEST_HEIGHT * wide,
             self._draw(waiting, twice),
         )  # fmt: skip
         factor, of_half = factor.reshape(2, -1, 1)
@@ -321,9 +309,9 @@ class EyePass(Integrator):
         asked = without[:: -(-without.size // MOST_ASKED)]
         found = field.shown_photons(points, asked)
         found = found[found >= 0]
-        self.n_shown += round(without.size * found.size / asked.size)
+        self.counted["n_shown"] += round(without.size * found.size / asked.size)
         power = float(field.photons.power[np.unique(found)].sum(dtype=np.float64))
-        self.shown_power += power * self._share_of_rays
+        self.counted["shown_power"] += power * self._share_of_rays
 
     def _note_gathered(
         self, field: Field, camera_ray: NDArray[np.int64], throughput: FloatArray, sums: Sums
@@ -362,9 +350,8 @@ class EyePass(Integrator):
         ledger.ended["met surfaces that gather"] += int(
             np.count_nonzero(shading.material >= 0) - rows.size
         )
-        paths = rows_of_paths(paths, rows)
-        shading = rows_of_shading(shading, rows, ~self._is_wide)
-        second = second[rows] if second.size else second
+        paths, second = rows_of(paths, rows), rows_of(second, rows)
+        shading = _by_lobes(rows_of(shading, rows), ~self._is_wide)
         if rows.size == 0:
             return paths
         if self._casts_them_for_narrow and depth < self.context.max_depth:
@@ -374,7 +361,7 @@ class EyePass(Integrator):
             )
         choice = self._points(paths, depth, CHOICE)
         # The branches of a path share its random numbers: each by itself is right.
-        paths, shading, second, choice = self._branching.split(paths, shading, second, choice)
+        paths, shading, second, choice = self._split(paths, shading, second, choice)
         n = len(choice)
         onward, pdf = np.empty((n, 3)), np.empty(n)
         fate = np.empty(n, dtype=np.uint8)
@@ -386,7 +373,7 @@ class EyePass(Integrator):
             ConnectionPdf(hits.t, paths.pdf, NONE_SMOOTH, hits.object_id, paths.connection_pdf),
             onward, paths.throughput, pdf, fate,
         )  # fmt: skip
-        self._branching.thin_out(paths, fate, choice[:, 1])
+        self._thin_out(paths, fate, choice[:, 1])
         counts = np.bincount(fate, minlength=SPECULAR + 1)
         ledger.rays["mirrored or refracted"] += int(counts[SCATTERED] + counts[SPECULAR])
         ledger.ended["absorbed or by roulette"] += int(counts[ABSORBED] + counts[LEFT])
@@ -395,6 +382,57 @@ class EyePass(Integrator):
             stopped = np.flatnonzero(fate == STOPPED)
             square = square_of_index(paths.media[stopped], self.context.scene.lobes)
             ledger.lost_weight += float((largest_channel(paths.throughput[stopped]) * square).sum())
-        out = Paths(*(np.empty_like(column) for column in paths))
-        n_out = pack_paths(paths, fate, SCATTERED, hits.position, hits.object_id, onward, pdf, out)
-        return Paths(*(column[:n_out] for column in out))
+        paths = paths._replace(
+            origins=hits.position, directions=onward, pdf=pdf, source_id=hits.object_id
+        )
+        return rows_of(paths, np.flatnonzero(fate >= SCATTERED))
+
+    def _split(
+        self, paths: Paths, shading: Shading, second: IntArray, choice: FloatArray
+    ) -> tuple[Paths, Shading, IntArray, FloatArray]:
+        """Double the paths of which both branches are followed; return all with their choices.
+
+        ``second`` (n,) int32, or (0,): faces that coincide with the hits, see `Contacts.at`.
+        ``choice`` (n, 2): the first column chooses the branch.
+        """
+        scene, rows = self.context.scene, np.flatnonzero(self._splits[shading.material])
+        if rows.size == 0:
+            return paths, shading, second, choice
+        lobe = scene.glass_of[shading.material[rows]]
+        share, _, _, _ = glass_branches(scene.lobes, lobe, shading, rows, paths.media, second)
+        # 0: hidden in another body, and passed as if it was not there.
+        is_split = (share > 0.0) & (share < 1.0)
+        rows, share = rows[is_split], share[is_split, None]
+        count = np.ones(len(choice), dtype=np.int64)
+        count[rows] = 2
+        parent = np.repeat(np.arange(len(choice)), count)
+        reflected = (np.cumsum(count) - count)[rows]
+        paths, shading, second, choice = rows_of((paths, shading, second, choice), parent)
+        choice[reflected, 0], choice[reflected + 1, 0] = 0.0, LAST
+        paths.throughput[reflected] *= share
+        paths.throughput[reflected + 1] *= 1.0 - share
+        return paths, shading, second, choice
+
+    def _thin_out(self, paths: Paths, fate: NDArray[np.uint8], xi: FloatArray) -> None:
+        """Russian roulette among the paths that go on, by random numbers (n,) in [0, 1).
+
+        Changes ``paths.throughput`` and ``fate``.
+        """
+        rows = np.flatnonzero(fate >= SCATTERED)
+        carried = largest_channel(paths.throughput[rows])
+        if paths.media.shape[1]:
+            # Within glass radiance counts by its index squared, given back on the way out: the largest
+            # index of all bodies around stands for it.
+            media, number = paths.media[rows], self.context.scene.lobes.number
+            index = np.where(media != NOTHING, number[:, IOR][media], 1.0)
+            carried = carried * np.maximum(index.max(axis=1), 1.0) ** 2
+        faint = carried < FAINT
+        rows, survival = rows[faint], carried[faint] / FAINT
+        lives = xi[rows] < survival
+        fate[rows[~lives]] = ABSORBED
+        paths.throughput[rows[lives]] /= survival[lives, None]
+
+
+def _by_lobes(shading: Shading, keeps: BoolArray) -> Shading:
+    """Return a shading with the colours of the kept lobes (materials + 1, lobes) only."""
+    return replace(shading, colors=shading.colors * keeps[shading.material][:, :, None])

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import SurfaceLight, largest_channel
+from hybrid_rt.integrators.kernels.density_estimate import splat_photons
 from hybrid_rt.integrators.kernels.photon_emission import (
     Launch,
     Targets,
@@ -32,7 +33,6 @@ from hybrid_rt.integrators.kernels.photon_steps import (
     Flight,
     Photons,
     add_power,
-    pack_flight,
     scatter_photons,
     store_photons,
 )
@@ -40,20 +40,22 @@ from hybrid_rt.integrators.light_points import leaving_points
 from hybrid_rt.integrators.media.absorption import absorb
 from hybrid_rt.integrators.media.beginnings import MediaAroundLights
 from hybrid_rt.integrators.media.contacts import Contacts, first_hits
-from hybrid_rt.integrators.photons.light_tracing import DensePlaces, Splats, show
-from hybrid_rt.integrators.photons.photon_groups import (
+from hybrid_rt.integrators.photons.density_estimation import DensePlaces
+from hybrid_rt.integrators.photons.emission import (
     Group,
     Piece,
     ball_of_world,
     in_sequence,
     names_of,
     powers_of_lights,
+    targets_of,
 )
-from hybrid_rt.integrators.photons.projection_map import targets_of
-from hybrid_rt.integrators.shading import Shading
+from hybrid_rt.integrators.rows import joined, new_rows, rows_of
+from hybrid_rt.integrators.shading import NO_RATIO, Shading
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.scene.compiled import NOTHING
-from hybrid_rt.shading.kernels.lobes.register import FOLLOWED, SPREADS, WIDE
+from hybrid_rt.shading.kernels.bsdf import LobeTable
+from hybrid_rt.shading.kernels.lobes.register import NARROW, SPREADS, WIDE
 from hybrid_rt.shading.kernels.scatter import ABSORBED, LEFT, SCATTERED, SPECULAR, STOPPED
 
 # Dimensions of photons begin far beyond those of camera rays, those of the first photons of all,
@@ -64,6 +66,13 @@ LAUNCH, PER_LAUNCH = 0, 1
 DIRECTION, LOBE, LENS, PER_STEP = 0, 1, 2, 3
 # Of the photons of a light, how many are aimed where there is something to aim at.
 AIMED_SHARE = 0.5
+
+
+class Splats(NamedTuple):
+    """Contributions of photons to pixels; n rows."""
+
+    pixel: NDArray[np.int64]
+    value: FloatArray  # (n, 3), radiance
 
 
 @dataclass
@@ -113,7 +122,7 @@ class PhotonTracer:
         if not self.context.plan["aimed photons"]:
             return Targets(np.zeros((0, 3)), np.zeros(0))
         scene = self.context.scene
-        return scene.once("targets", lambda: targets_of(scene, scene.materials_with(FOLLOWED)))
+        return scene.once("targets", lambda: targets_of(scene))
 
     def groups(self, photons_per_pass: int) -> list[Group]:
         """Allot the photons of a pass to lights by power; every light that emits gets some."""
@@ -141,7 +150,7 @@ class PhotonTracer:
         ``least``: photons with a smaller ``history`` are not stored.
         """
         context = self.context
-        stored: list[Photons] = []
+        stored = [new_photons(0)]
         shown: list[Splats] = []
         with context.ledger.stage("photons"):
             names = [names_of(piece, pass_number) for piece in block]
@@ -160,10 +169,7 @@ class PhotonTracer:
                 to_show = self._to_show(flight, shading)
                 stored.append(self._stored(flight, shading, to_show, least))
                 if to_show.size:
-                    lens = None
-                    if context.plan["lens samples"]:
-                        lens = self._points(flight.number[to_show], step + LENS)
-                    shown.append(show(context, flight, shading, to_show, lens))
+                    shown.append(self._shown(flight, shading, to_show, step)[1])
                 # --- where they go next, and which ones stop
                 goes_on = depth < context.max_depth
                 flight = self._onward(flight, shading, second, step, goes_on)
@@ -195,18 +201,58 @@ class PhotonTracer:
         if self.dense is None:
             return np.zeros(0, dtype=np.intp)
         rows = np.flatnonzero((flight.history == MET_SPECULAR) & self.gathers[shading.material])
-        return rows[self.dense.hold(shading.hits.position[rows])]
+        return rows[self.dense.near(shading.hits.position[rows])]
+
+    def _shown(
+        self,
+        flight: Flight,
+        shading: Shading,
+        rows: NDArray[np.intp],
+        step: int,
+        softened: LobeTable | None = None,
+    ) -> tuple[NDArray[np.intp], Splats]:
+        """Splat photons; return the rows of those that the camera sees, and their contributions.
+
+        Where a disc as wide as a pixel would hold many photons, density estimation adds only blur. There
+        each caustic photon is splatted to the pixel that sees it (Arvo, "Backward ray tracing", SIGGRAPH
+        1986 course notes). Density estimation leaves it out where the camera sees the surface directly,
+        and counts it where it sees the surface through mirrors and glass. So each photon counts once.
+
+        ``rows`` (k,) int64: the photons to splat.
+        ``softened``: narrow lobes to see the photons by, on both sides of rough glass. Default: the
+        scene's wide lobes.
+        """
+        context, hits, geometric = self.context, shading.hits, shading.geometric
+        lens = None
+        if context.plan["lens samples"]:
+            lens = self._points(flight.number[rows], step + LENS)
+        lobes, asked, ratio = context.scene.lobes, WIDE, NO_RATIO
+        if softened is not None:
+            lobes, asked, ratio = softened, NARROW, rows_of(shading.ratio, rows)
+        position = hits.position[rows]
+        way, pixel, pdf = context.scene.camera.sees(position, lens)
+        value = np.empty((rows.size, 3))
+        splat_photons(
+            lobes, asked, shading.material[rows], shading.colors[rows], hits.normal[rows],
+            rows_of(geometric, rows), ratio, flight.direction[rows], flight.power[rows], way, pdf, value,
+        )  # fmt: skip
+        seen = np.flatnonzero(value.any(axis=1))
+        named = NamedPoints(hits.object_id[rows[seen]], position[seen])
+        context.ledger.rays["photons to camera"] += seen.size
+        blocked = context.tracer.occluded(named.position, -way[seen], 1.0, source=named)
+        seen = seen[~blocked]
+        return rows[seen], Splats(pixel[seen], value[seen])
 
     def _stored(
         self, flight: Flight, shading: Shading, to_show: NDArray[np.intp], least: int
     ) -> Photons:
         """Return the photons that have arrived where light is gathered; those shown are marked."""
-        hits, out = shading.hits, _new_photons(flight.number.size)
+        hits, out = shading.hits, new_photons(flight.number.size)
         normal = shading.geometric if shading.geometric.size else hits.normal
         flight.history[to_show] |= IS_SHOWN
         n = store_photons(flight, shading.material, self.gathers, least, hits.position, normal, out)
         flight.history[to_show] ^= IS_SHOWN
-        return Photons(*(column[:n].copy() for column in out))
+        return rows_of(out, np.arange(n))
 
     def _onward(
         self, flight: Flight, shading: Shading, second: IntArray, step: int, goes_on: bool
@@ -225,9 +271,7 @@ class PhotonTracer:
         ended["photons absorbed or by roulette"] += int(counts[ABSORBED])
         ended["photons left or met a lamp"] += int(counts[LEFT])
         ended["photons at max_depth"] += int(counts[STOPPED])
-        onward = _new_flight(n, flight.media.shape[1])
-        n_onward = pack_flight(flight, fate, SCATTERED, onward)
-        return Flight(*(column[:n_onward] for column in onward))
+        return rows_of(flight, np.flatnonzero(fate >= SCATTERED))
 
     def _launched(
         self, groups: Sequence[Group], names: Sequence[UIntArray], dimension: int
@@ -244,7 +288,7 @@ class PhotonTracer:
         columns = np.array([(g.light, g.n_spread, g.n_aimed, g.is_aimed) for g in groups])
         counts = [part.size for part in names]
         light, n_spread, n_aimed, is_aimed = np.repeat(columns, counts, axis=0).T.copy()
-        launch = _new_launch(n)
+        launch = new_rows(Launch, n, "3f8, 3f8, 3f8")
         end = int(np.searchsorted(light, scene.n_lights))
         if end:
             launch_from_lights(
@@ -256,7 +300,7 @@ class PhotonTracer:
             launch_from_sky(
                 scene.sky, self.world, self._targets, n_spread[end:], n_aimed[end:],
                 is_aimed[end:], place[end:], way[end:], choice[end:],
-                Launch(*(column[end:] for column in launch)),
+                rows_of(launch, slice(end, n)),
             )  # fmt: skip
         source_id = np.append(scene.surface_of_light, np.int32(NOTHING))[light]
         self.balance.n_emitted += n
@@ -286,39 +330,6 @@ class PhotonTracer:
         return xi
 
 
-def joined(parts: list[Photons]) -> Photons:
-    """Concatenate photons."""
-    if not parts:
-        return _new_photons(0)
-    return Photons(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-
-
-def chosen(photons: Photons, rows: NDArray[Any]) -> Photons:
-    """Select photons by a mask or an index array, in columns of their own."""
-    return Photons(*(column[rows] for column in photons))
-
-
-def _new_launch(n: int) -> Launch:
-    return Launch(np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)))
-
-
-def _new_photons(n: int) -> Photons:
-    return Photons(
-        np.empty((n, 3)),
-        np.empty((n, 3), dtype=np.float32),
-        np.empty((n, 3), dtype=np.float32),
-        np.empty((n, 3), dtype=np.float32),
-        np.empty(n, dtype=np.uint8),
-    )
-
-
-def _new_flight(n: int, n_media: int) -> Flight:
-    return Flight(
-        number=np.empty(n, dtype=np.uint64),
-        origin=np.empty((n, 3)),
-        direction=np.empty((n, 3)),
-        power=np.empty((n, 3)),
-        media=np.empty((n, n_media), dtype=np.int32),
-        source_id=np.empty(n, dtype=np.int32),
-        history=np.empty(n, dtype=np.uint8),
-    )
+def new_photons(n: int) -> Photons:
+    """Allocate n stored photons."""
+    return new_rows(Photons, n, "3f8, 3f4, 3f4, 3f4, u1")

@@ -5,6 +5,7 @@ thread waits in between, and at most two photon maps exist at a time.
 """
 
 from abc import abstractmethod
+from collections import Counter
 from collections.abc import Callable, Generator, Mapping
 from concurrent.futures import Future
 from typing import Any, NamedTuple, TypeVar, cast
@@ -16,30 +17,33 @@ from hybrid_rt.core.ledger import twelve_digits
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.core.threads import result_of
 from hybrid_rt.integrators.context import RenderContext
-from hybrid_rt.integrators.kernels.photon_steps import EMITTED, MET_SPECULAR, Photons
-from hybrid_rt.integrators.photons.blur import BlurSums
-from hybrid_rt.integrators.photons.density_estimation import Field, Points
+from hybrid_rt.integrators.kernels.photon_steps import (
+    EMITTED,
+    MET_SPECULAR,
+    MET_SPREADING,
+    Photons,
+)
+from hybrid_rt.integrators.options import PhotonMapOptions, PPMOptions
+from hybrid_rt.integrators.photons.density_estimation import Field, Nearest, Points
+from hybrid_rt.integrators.photons.emission import Piece, blocks_of, size_for_discs
 from hybrid_rt.integrators.photons.eye_pass import EyePass
-from hybrid_rt.integrators.photons.figures import PhotonFigures, Power
-from hybrid_rt.integrators.photons.light_tracing import Splats
-from hybrid_rt.integrators.photons.photon_groups import Piece, blocks_of
+from hybrid_rt.integrators.photons.figures import (
+    NO_BLUR,
+    UNKNOWN_BLUR,
+    Blur,
+    BlurSums,
+    PhotonFigures,
+    Power,
+)
 from hybrid_rt.integrators.photons.photon_tracer import (
     AIMED_SHARE,
     PHOTON_DIMENSION,
     Balance,
-    joined,
+    Splats,
 )
-from hybrid_rt.integrators.photons.pilot_rays import find_thin_places
-from hybrid_rt.integrators.workers import (
-    NO_BLUR,
-    UNKNOWN_BLUR,
-    Blur,
-    Made,
-    Pass,
-    Run,
-    Submit,
-    Workers,
-)
+from hybrid_rt.integrators.photons.pilot import find_thin_places
+from hybrid_rt.integrators.rows import joined, rows_of
+from hybrid_rt.integrators.workers import Made, Pass, Run, Submit, Workers
 
 # Camera rays that one thread follows and gathers for at a time: many, as trees of many points are
 # compared faster, but a sixteenth of a pass at most, for the threads to share. The order of the
@@ -54,8 +58,19 @@ NEARLY_ALL = 0.99
 # are aimed, the others have up to twice the mean power.
 UNMET_SHARE, MOST_UNMET = 0.01, 3.0 / (1.0 - AIMED_SHARE)
 
-# What eye passes count.
-_OF_EYE_PASS = ("n_points", "n_gathered", "n_without", "n_shown", "shown_power")
+# What is counted, by eye passes and beside them.
+COUNTED = (
+    "n_points", "n_gathered", "n_without", "n_shown", "shown_power", "n_splats", "n_caustic",
+)  # fmt: skip
+
+# Photons farther than this share of `size_for_discs` make no light at a point: around a caustic
+# there is darkness, and the nearest photons lie anywhere.
+FARTHEST = 0.05
+
+BLUR_OF_NEAREST = (
+    "light is blurred by discs about the nearest photons; more passes do not lessen it; "
+    "blur_root_mean_square estimates it where it is above the estimate's noise"
+)
 
 T = TypeVar("T")
 
@@ -72,16 +87,19 @@ class PhotonPass(NamedTuple):
 class PhotonWorkers(Workers):
     """See the module; `Workers` for what it offers.
 
+    ``options``: the class of the options.
     ``may_miss``: whether discs may be too small to hold photons: their radius was given, the view
     is small beside what the photons light, or discs are cut to the size of a surface.
     """
 
+    options: type[PPMOptions | PhotonMapOptions]
     may_miss = False
 
     def __init__(self, context: RenderContext, threads: int) -> None:
         super().__init__(context, threads, EyePass)
         self._threads = threads
-        self._n_splats = 0
+        self._options: Any = context.options or self.options()
+        self._counted: dict[str, Any] = Counter()
         self._balance = Balance()
         self._blocks: dict[int, list[list[Piece]]] = {}
         camera = context.scene.camera
@@ -96,11 +114,6 @@ class PhotonWorkers(Workers):
         places = find_thin_places(self._eye_passes[0].context, radius_at)
         for eye_pass in self._eye_passes:
             eye_pass.thin_places = places
-
-    @property
-    @abstractmethod
-    def _per_pass(self) -> int:
-        """Photons that leave all lights together in a pass."""
 
     @abstractmethod
     def _fields(self, photons: Photons, pass_number: int) -> tuple[Field, ...]:
@@ -135,7 +148,7 @@ class PhotonWorkers(Workers):
                     assert isinstance(made, Pass)
                     # Not before: a pass that is given up is in no picture.
                     self._balance.add(photons.balance)
-                    self._n_splats += photons.n_splats
+                    self._counted["n_splats"] += photons.n_splats
                     radiance = made.radiance
                     if photons.picture is not None:
                         radiance = radiance + photons.picture
@@ -170,15 +183,14 @@ class PhotonWorkers(Workers):
     def _start(self, pass_number: int, submit: Submit) -> Future[PhotonPass]:
         """Start the tracing of a pass's photons in threads."""
         if not self.context.plan["photons"]:
-            nothing = Future[PhotonPass]()
-            nothing.set_result(PhotonPass((), None, 0, Balance()))
-            return nothing
+            return submit(lambda *_: PhotonPass((), None, 0, Balance()), None)
 
         def finish(photons: Photons, splats: list[Splats], balance: Balance) -> PhotonPass:
             fields, picture = self._fields(photons, pass_number), self._picture(splats)
             return PhotonPass(fields, picture, sum(pixel.size for pixel, _ in splats), balance)
 
-        return self._shoot(self._per_pass, pass_number, PHOTON_DIMENSION, submit, finish)
+        n = self._options.photons_per_pass
+        return self._shoot(n, pass_number, PHOTON_DIMENSION, submit, finish)
 
     def _shoot(
         self,
@@ -226,46 +238,41 @@ class PhotonWorkers(Workers):
         return picture
 
     def _own_counts(self) -> dict[str, Any]:
-        counts = {
-            name: sum(getattr(eye_pass, name) for eye_pass in self._eye_passes)
-            for name in _OF_EYE_PASS
-        }
-        balance = self._balance
-        return {
-            **counts,
-            "n_splats": self._n_splats,
-            "n_emitted": balance.n_emitted,
-            "n_stored": balance.n_stored,
-            "power": balance.power.tolist(),
-        }
+        own = {"n_emitted": self._balance.n_emitted, "n_stored": self._balance.n_stored}
+        return {**self._total, **own, "power": self._balance.power.tolist()}
+
+    @property
+    def _total(self) -> dict[str, Any]:
+        """What all threads have counted."""
+        counted = [self._counted, *(eye_pass.counted for eye_pass in self._eye_passes)]
+        return {name: sum(one[name] for one in counted) for name in COUNTED}
 
     def _carry_own(self, counts: dict[str, Any]) -> None:
-        first = self._eye_passes[0]
-        for name in _OF_EYE_PASS:
-            setattr(first, name, getattr(first, name) + counts.get(name, 0))
-        self._n_splats += counts["n_splats"]
+        for name in COUNTED:
+            self._counted[name] += counts.get(name, 0)
         power = np.array(counts["power"])
         self._balance.add(Balance(power, counts["n_emitted"], counts["n_stored"]))
 
     def _forget_own(self) -> None:
         for eye_pass in self._eye_passes:
-            for name in _OF_EYE_PASS:
-                setattr(eye_pass, name, 0)
-        self._n_splats, self._balance = 0, Balance()
+            eye_pass.counted.clear()
+        self._counted.clear()
+        self._balance = Balance()
 
     def photons(self, blur: Blur) -> PhotonFigures:
         """Return the photon statistics of the report, in plain types."""
-        first, balance = self._eye_passes[0], self._balance
+        counted, balance = self._total, self._balance
         power = [[twelve_digits(x) for x in part] for part in balance.power.tolist()]
         return PhotonFigures(
             **self._about(),
+            per_pass=self._options.photons_per_pass,
             emitted=balance.n_emitted,
             stored=balance.n_stored,
-            shown_to_camera=self._n_splats,
-            gather_points=first.n_points,
-            gathered_per_point=first.n_gathered / max(first.n_points, 1),
-            points_without_photons=first.n_without,
-            points_with_shown_photons_alone=first.n_shown,
+            shown_to_camera=counted["n_splats"],
+            gather_points=counted["n_points"],
+            gathered_per_point=counted["n_gathered"] / max(counted["n_points"], 1),
+            points_without_photons=counted["n_without"],
+            points_with_shown_photons_alone=counted["n_shown"],
             blur_root_mean_square=blur.absolute,
             blur_root_mean_square_at_most=blur.absolute_at_most,
             blur_relative_rmse=blur.relative,
@@ -279,7 +286,7 @@ class PhotonWorkers(Workers):
         """Estimate the blur (bias) of the mean of all passes so far."""
         if self._blur is None:
             return NO_BLUR
-        is_met = any(eye_pass.n_gathered for eye_pass in self._eye_passes)
+        is_met = self._total["n_gathered"] > 0
         # A black picture is none that photons, which met nothing that is seen, tell anything of.
         is_black = self._balance.n_emitted > 0 and not image.any()
         if not is_met and (is_black or (self.may_miss and self.n_missed)):
@@ -294,14 +301,47 @@ class PhotonWorkers(Workers):
         A point whose disc holds some has met light. What it waits for is less, if these have a power
         beside which few photons are little.
         """
-        n_points, n_missed, n_shown, shown_power = (
-            sum(getattr(eye_pass, name) for eye_pass in self._eye_passes)
-            for name in ("n_points", "n_without", "n_shown", "shown_power")
-        )
-        n_stored = self._balance.n_stored
-        if n_stored == 0 or 2 * self._n_splats > n_stored:
+        counted, n_stored = self._total, self._balance.n_stored
+        if n_stored == 0 or 2 * counted["n_splats"] > n_stored:
             return 0
+        n_missed = counted["n_without"]
         of_one = float(self._balance.power[EMITTED].sum()) / self._balance.n_emitted
-        if MOST_UNMET * of_one < UNMET_SHARE * shown_power:
-            n_missed -= n_shown
-        return int(n_missed) if n_missed >= max(NEARLY_ALL * n_points, 1) else 0
+        if MOST_UNMET * of_one < UNMET_SHARE * counted["shown_power"]:
+            n_missed -= counted["n_shown"]
+        return int(n_missed) if n_missed >= max(NEARLY_ALL * counted["n_points"], 1) else 0
+
+
+class PhotonMapWorkers(PhotonWorkers):
+    """Photon mapping with a fixed number of nearest photons per estimate.
+
+    Jensen, "Global illumination using photon maps", EGWR 1996. Two maps are kept: photons that have met
+    only mirrors, metals and glass make the caustic map, all others the global map. Each estimate takes
+    the nearest photons of both. That is fast and smooth, but the discs do not shrink: more passes
+    reduce noise, not blur.
+    """
+
+    options = PhotonMapOptions
+
+    def __init__(self, context: RenderContext, threads: int) -> None:
+        super().__init__(context, threads)
+        self._size = size_for_discs(context)
+        if context.plan["photons"]:
+            self._find_thin_places(lambda points: np.minimum(FARTHEST * self._size, points.widest))
+
+    def _fields(self, photons: Photons, pass_number: int) -> tuple[Field, ...]:
+        del pass_number
+        nearest, lobes = self._options.nearest, self.context.scene.lobes
+        limit = FARTHEST * self._size
+        is_soft = (photons.history & MET_SPREADING) != 0
+        fields = [Nearest(rows_of(photons, is_soft), lobes, nearest, limit)]
+        if self.context.plan["caustic map"]:
+            self._counted["n_caustic"] += int(np.count_nonzero(~is_soft))
+            fields.append(Nearest(rows_of(photons, ~is_soft), lobes, nearest, limit))
+        return tuple(fields)
+
+    def _about(self) -> dict[str, Any]:
+        return {
+            "nearest": self._options.nearest,
+            "stored_in_caustic_map": self._total["n_caustic"],
+            "blur": BLUR_OF_NEAREST,
+        }

@@ -18,15 +18,16 @@ from hybrid_rt.integrators.options import PPMOptions
 from hybrid_rt.integrators.photons.density_estimation import (
     NARROWEST,
     WIDEST_ASKED,
+    DensePlaces,
     Discs,
     Field,
     Radii,
 )
-from hybrid_rt.integrators.photons.light_tracing import DensePlaces, Splats
-from hybrid_rt.integrators.photons.photon_groups import size_for_discs
-from hybrid_rt.integrators.photons.photon_tracer import PILOT_DIMENSION, Balance, chosen
+from hybrid_rt.integrators.photons.emission import size_for_discs
+from hybrid_rt.integrators.photons.photon_tracer import PILOT_DIMENSION, Balance, Splats
 from hybrid_rt.integrators.photons.photon_workers import PhotonWorkers
-from hybrid_rt.integrators.photons.ray_numbers import measure_work
+from hybrid_rt.integrators.photons.pilot import measure_work
+from hybrid_rt.integrators.rows import rows_of
 
 # The first photons, which find radii, dense caustics and the number of shadow rays; at most.
 PILOT_PHOTONS = 100_000
@@ -45,9 +46,10 @@ class ProgressiveWorkers(PhotonWorkers):
     ``threads``: each has an `EyePass` of its own.
     """
 
+    options = PPMOptions
+
     def __init__(self, context: RenderContext, threads: int) -> None:
         super().__init__(context, threads)
-        self._options: PPMOptions = context.options or PPMOptions()
         # Now, as part of the set-up: a time budget judges by the seconds of passes alone.
         self._radii: Radii | None = None
         if context.plan["photons"]:
@@ -56,10 +58,6 @@ class ProgressiveWorkers(PhotonWorkers):
             self.may_miss = (
                 self._radii.is_given or self._radii.is_sparse or self._radii.are_cut(context.scene)
             )
-
-    @property
-    def _per_pass(self) -> int:
-        return self._options.photons_per_pass
 
     def _fields(self, photons: Photons, pass_number: int) -> tuple[Field, ...]:
         assert self._radii is not None
@@ -70,8 +68,8 @@ class ProgressiveWorkers(PhotonWorkers):
         """Shoot the first photons; return initial radii, and set what else follows from them."""
         extent = size_for_discs(self.context)
         asked = self._asked_radii(extent)
-        n = min(PILOT_PHOTONS, self._per_pass)
-        share = n / self._per_pass
+        n = min(PILOT_PHOTONS, self._options.photons_per_pass)
+        share = n / self._options.photons_per_pass
         camera, lobes = self.context.scene.camera, self.context.scene.lobes
 
         def finish(
@@ -82,7 +80,7 @@ class ProgressiveWorkers(PhotonWorkers):
                 dense = DensePlaces.of(photons, share, camera, self._threads)
                 radii = Radii.of(photons, share, camera, extent, self._threads)
             is_even = np.arange(len(photons.history)) % 2 == 0
-            even, odd = chosen(photons, is_even), chosen(photons, ~is_even)
+            even, odd = rows_of(photons, is_even), rows_of(photons, ~is_even)
             return radii, dense, (Discs(even, lobes, radii, 1.0), Discs(odd, lobes, radii, 1.0))
 
         with self._at_work() as submit:
@@ -121,7 +119,6 @@ class ProgressiveWorkers(PhotonWorkers):
         first = [] if self._radii is None else self._radii.classes.tolist()
         last = radius_factor(max(self.n_kept - 1, 0), self._options.alpha)
         return {
-            "per_pass": self._options.photons_per_pass,
             "alpha": self._options.alpha,
             "first_radii": first,
             "last_radii": [last * radius for radius in first],

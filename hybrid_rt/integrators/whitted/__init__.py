@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hybrid_rt.integrators.declaration import Declaration
+from hybrid_rt.integrators.techniques import FOUND_BY_WHITTED, paths_found
 
 if TYPE_CHECKING:
     from hybrid_rt.integrators.context import RenderContext
@@ -21,8 +22,7 @@ def _make(context: RenderContext, threads: int) -> Workers:
 WHITTED = Declaration(
     name="whitted",
     make=_make,
-    # Metals only show what lies about the mirrored direction: lights are not sampled there.
-    finds=lambda _: "[LPK]D[GS]*E|[LUK][GS]*E",
+    finds=lambda _: paths_found(FOUND_BY_WHITTED),
     asks_every_light=True,
     follows_every_branch=True,
     without_light_paths="both branches at glass are followed; light that mirrors and glass throw is not found",

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray, IntArray
-from hybrid_rt.integrators.direct_light import SurfaceLight, shadow_rays
+from hybrid_rt.integrators.direct_light import NO_FACTOR, SurfaceLight, shadow_rays
 from hybrid_rt.integrators.integrator import BLOCK
-from hybrid_rt.integrators.kernels.compaction import ShadowRays, choose_lights
+from hybrid_rt.integrators.kernels.light_sampling import cast_to_sky, choose_lights
 from hybrid_rt.integrators.shading import NO_RATIO, Shading
 from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.shading.kernels.bsdf import sample_lobes
@@ -27,7 +27,7 @@ class _Sample(NamedTuple):
 
     dimension: int
     light_id: IntArray
-    weight: FloatArray | None
+    weight: FloatArray  # (n,), or (0,): 1
 
 
 class AllLights(SurfaceLight):
@@ -69,7 +69,7 @@ class AllLights(SurfaceLight):
 
     def _of_each(self, lights: NDArray[np.intp], n: int) -> Iterator[_Sample]:
         for light in lights.tolist():
-            yield _Sample(light, np.full(n, light, dtype=np.int32), None)
+            yield _Sample(light, np.full(n, light, dtype=np.int32), NO_FACTOR)
 
     def _of_some(self, xi: FloatArray) -> Iterator[_Sample]:
         """Choose `MOST_LIGHTS` lights for each hit by systematic sampling of their power."""
@@ -92,19 +92,16 @@ class AllLights(SurfaceLight):
         """Add what some of the lights send, and nothing blocks."""
         context, n = self._context, len(shading.hits)
         pixel, dimension, pass_number = keys
-        rays, n_rays, ones = shadow_rays(len(samples) * n), 0, np.ones((n, 3))
+        rays, n_rays = shadow_rays(len(samples) * n), 0
+        paths = self._receivers(shading, np.arange(n), np.ones((n, 3)), media)
         for own_dimension, light_id, weight in samples:
             xi = context.sampler.points(pixel, dimension + np.uint64(own_dimension), pass_number)
             if own_dimension == context.scene.n_lights and context.scene.sky.kind != PICTURE:
-                to_light, value = self._sample_sky_by_lobes(shading, xi)
+                way, value = self._sample_sky_by_lobes(shading, xi)
+                lobes = context.scene.lobes
+                n_rays = cast_to_sky(lobes, shading.vertices, paths, way, value, rays, n_rays)
             else:
-                to_light, value = self._sample_lights(shading, light_id, xi)
-            if weight is not None:
-                value *= weight[:, None]
-            rest = ShadowRays(*(column[n_rays:] for column in rays))
-            n_rays += self._pack(
-                shading, np.arange(n), ones, media, light_id, to_light, value, rest
-            )
+                n_rays = self._sample_lights(shading, paths, light_id, weight, xi, rays, n_rays)
         self.add_unblocked(rays, n_rays, total)
 
     def _sample_sky_by_lobes(

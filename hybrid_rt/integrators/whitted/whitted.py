@@ -7,9 +7,8 @@ to their power); at mirrors and glass the reflected and the refracted ray are bo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,7 @@ from hybrid_rt.integrators.direct_light import NO_CONNECTION, largest_channel
 from hybrid_rt.integrators.integrator import BLOCK, FIRST_PATH_DIMENSION, CameraBlock, Integrator
 from hybrid_rt.integrators.kernels.compaction import add_to_pixels
 from hybrid_rt.integrators.media.absorption import absorb, square_of_index
+from hybrid_rt.integrators.rows import rows_of
 from hybrid_rt.integrators.shading import NO_RATIO, Shading, glass_branches
 from hybrid_rt.integrators.whitted.all_lights import AllLights
 from hybrid_rt.sampling.sampler import UIntArray
@@ -50,12 +50,6 @@ class Branches:
     def __len__(self) -> int:
         """Return the number of rays."""
         return int(self.camera_ray.size)
-
-    def __getitem__(self, rows: object) -> Branches:
-        """Select rows by a mask, an index array or a slice."""
-        columns = [getattr(self, field.name) for field in fields(self)][1:]
-        chosen: list[Any] = [None if column is None else column[rows] for column in columns]
-        return Branches(self.depth, *chosen)
 
 
 class Whitted(Integrator):
@@ -90,8 +84,8 @@ class Whitted(Integrator):
                 )
                 # --- light we reach for
                 met = np.flatnonzero(material != NOTHING)
-                hit_rays, hits, material = rays[met], hits[met], material[met]
-                second = second[met] if second.size else second
+                hit_rays, second = rows_of(rays, met), rows_of(second, met)
+                hits, material = hits[met], material[met]
                 shading = self._light.shading(
                     hits, hit_rays.directions, material, hit_rays.media, second
                 )
@@ -159,7 +153,7 @@ class Whitted(Integrator):
     ) -> list[_BranchBatch]:
         """Send rays on by a narrow lobe, each in one sampled direction."""
         lobes, shading = self.context.scene.lobes, met.shading
-        rays = met.rays[rows]
+        rays = rows_of(met.rays, rows)
         pixel, sample = block.pixel[rays.camera_ray], block.sample[rays.camera_ray]
         dimension = self._dimension(rays.node)
         dimension += np.uint64(self.context.scene.n_lights + 1 + slot)
@@ -179,23 +173,15 @@ class Whitted(Integrator):
             alone, lobe, colors, shading.hits.normal[rows], rays.directions, ratio, xi, branch,
             NARROW, directions, value, pdf,
         )  # fmt: skip
-        throughput = rays.throughput * value
-
-        def going(which: BoolArray, choice: int, media: IntArray) -> _BranchBatch:
-            return _BranchBatch(
-                rows[which], choice, directions[which], throughput[which], media[which]
-            )
-
+        going = _BranchBatch(rows, 2 * slot, directions, rays.throughput * value, rays.media)
         goes = pdf > 0.0
         if not ratio.size:
-            return [going(goes, 2 * slot, rays.media)]
+            return [rows_of(going, goes)]
         normal = shading.hits.normal[rows]
         before = np.einsum("ij,ij->i", normal, rays.directions)
         passes = before * np.einsum("ij,ij->i", normal, directions) > 0.0
-        return [
-            going(goes & ~passes, 2 * slot, rays.media),
-            going(goes & passes, 2 * slot + 1, shading.beyond[rows]),
-        ]
+        through = replace(going, choice=2 * slot + 1, media=shading.beyond[rows])
+        return [rows_of(going, goes & ~passes), rows_of(through, goes & passes)]
 
     def _at_glass(self, met: _Arrival, rows: NDArray[np.intp], slot: int) -> list[_BranchBatch]:
         """Split rays at a dielectric: one part goes back, the other passes the surface."""
@@ -209,17 +195,12 @@ class Whitted(Integrator):
         weight = lobes.weight[lobe]
         tint = np.where(is_hidden[:, None], 1.0, shading.colors[rows, slot])
         back = _mirrored(met, rows, 2 * slot, (weight * reflectance)[:, None])
-        passes = reflectance < 1.0
         # Radiance over the index squared is what stays the same across the surface.
         share = (weight * (1.0 - reflectance) / eta**2)[:, None] * tint
         through = _BranchBatch(
-            rows[passes],
-            2 * slot + 1,
-            refracted[passes],
-            (met.rays.throughput[rows] * share)[passes],
-            beyond[passes],
+            rows, 2 * slot + 1, refracted, met.rays.throughput[rows] * share, beyond
         )
-        return [back, through]
+        return [back, rows_of(through, reflectance < 1.0)]
 
     def _joined(self, met: _Arrival, parts: list[_BranchBatch]) -> Branches:
         """Sort the surviving branches in the order of their parents."""
@@ -294,14 +275,7 @@ def _on_its_side(met: _Arrival, part: _BranchBatch) -> _BranchBatch:
     geometric = met.shading.geometric[part.parent]
     before = np.einsum("ij,ij->i", geometric, met.shading.directions[part.parent])
     passes = before * np.einsum("ij,ij->i", geometric, part.directions) >= 0.0
-    rows = passes == part.is_refracted
-    return _BranchBatch(
-        part.parent[rows],
-        part.choice,
-        part.directions[rows],
-        part.throughput[rows],
-        part.media[rows],
-    )
+    return rows_of(part, passes == part.is_refracted)
 
 
 def _mirrored(
@@ -325,4 +299,4 @@ def _in_batches(rays: Branches) -> list[Branches]:
     n_pieces = -(-len(rays) // BLOCK)
     cuts = rays.camera_ray[[len(rays) * k // n_pieces for k in range(1, n_pieces)]]
     edges = [0, *np.searchsorted(rays.camera_ray, cuts), len(rays)]
-    return [rays[first:last] for first, last in pairwise(edges) if last > first]
+    return [rows_of(rays, slice(first, last)) for first, last in pairwise(edges) if last > first]

@@ -1,7 +1,8 @@
 """First hits and shadows of one ray at a time.
 
 A path that is followed to its end asks for one ray, then for the next. Spheres, rectangles, planes and boxes
-that are asked by all rays are asked here; the kernels of other kinds are called, if the ray comes near them.
+that are asked by all rays are asked here; what is in other tables and trees is found by calls of kernels, if the
+ray comes near it.
 Hits have the same bits as those of `hybrid_rt.intersection.intersector.Intersector`.
 """
 
@@ -12,6 +13,7 @@ import numpy as np
 from hybrid_rt.intersection.kernels.box import finish_box, offer_box
 from hybrid_rt.intersection.kernels.plane import finish_plane, offer_plane
 from hybrid_rt.intersection.kernels.rectangle import finish_rectangle, offer_parallelograms
+from hybrid_rt.intersection.kernels.search.bottoms import ask_each
 from hybrid_rt.intersection.kernels.search.nearest import CLEAR
 from hybrid_rt.intersection.kernels.search.rays import (
     complete_row,
@@ -24,12 +26,6 @@ from meshing.kernels.jit import inlined
 from meshing.kernels.stored_calls import call_stored
 
 SPHERE, RECTANGLE, PLANE, BOX = 0, 1, 2, 3
-# What the calls of another kind are for.
-FIRST, ANY, DESCRIBE = 0, 1, 2
-# A kind is asked where the ray comes this near to its box, of the way there; the band is far narrower.
-NEAR = 2.0**-38
-# Less of a direction counts as so much.
-STEEPEST = 1e-30
 
 
 class SingleRays(NamedTuple):
@@ -42,9 +38,9 @@ class SingleRays(NamedTuple):
     # (objects,) int64: one of the constants above; from 4 on those of other kinds
     kind_of: Any
     row_of: Any  # (objects,) int64, row in the table of its kind
-    call: Any  # (n,) int64, see `hybrid_rt.intersection.single_rays`
-    first_call: Any  # (others, 4) int64: where those for each purpose begin
-    box: Any  # (others, 2, 3) float64, what surrounds each kind by some distance
+    call: Any  # (n,) int64: calls that describe hits on the other kinds
+    first_call: Any  # (others + 1,) int64: where those of each kind begin
+    bottoms: Any  # Bottoms: calls that find hits on them
     reach: Any  # (objects,) float64, see `name_points`
     rounding: Any  # float, see `name_points`
     most: Any  # float, see `name_points`
@@ -77,25 +73,6 @@ def _start(direction, i, t_max, ray):
     return unit
 
 
-@inlined
-def _comes_near(box, rays, t_best):
-    """Tell whether the ray comes near a box before ``t_best``; plain sums will do for that."""
-    o, d, near, far = rays.origin[0], rays.direction[0], 0.0, t_best
-    margin = NEAR * max(abs(o[0]), abs(o[1]), abs(o[2]))
-    for k in range(3):
-        step = d[k] if abs(d[k]) > STEEPEST else STEEPEST
-        first, last = (box[0, k] - margin - o[k]) / step, (box[1, k] + margin - o[k]) / step
-        near, far = max(near, min(first, last)), min(far, max(first, last))
-    return near <= far
-
-
-@inlined
-def _call(single, k, purpose):
-    """Call the kernels of kind k among the others."""
-    for c in range(single.first_call[k, purpose], single.first_call[k, purpose + 1]):
-        call_stored(single.call[c])
-
-
 @inlined(cached=True)
 def first_hit(single, source_id, direction, ray):
     """Find the first hit of the ray from ``ray.rays.origin[0]`` along ``direction[0]``.
@@ -116,9 +93,7 @@ def first_hit(single, source_id, direction, ray):
         offer_plane(0, k, single.planes, rays, best)
     for k in range(single.boxes.object_id.size):
         offer_box(0, k, single.boxes, rays, best)
-    for k in range(single.first_call.shape[0]):
-        if _comes_near(single.box[k], rays, best.t[0]):
-            _call(single, k, FIRST)
+    ask_each(single.bottoms, rays, best, False)
     if best.object_id[0] >= 0:
         k, kind = single.row_of[best.object_id[0]], single.kind_of[best.object_id[0]]
         if kind == SPHERE:
@@ -130,7 +105,8 @@ def first_hit(single, source_id, direction, ray):
         elif kind == BOX:
             finish_box(single.boxes, k, rays, best, 0, ray.out)
         else:
-            _call(single, kind - BOX - 1, DESCRIBE)
+            for c in range(single.first_call[kind - BOX - 1], single.first_call[kind - BOX]):
+                call_stored(single.call[c])
     complete_row(0, rays.direction, unit, best, ray.record)
 
 
@@ -164,9 +140,5 @@ def is_occluded(single, shadow, i, ray):
         offer_box(0, k, single.boxes, rays, best)
         if best.object_id[0] >= 0:
             return True
-    for k in range(single.first_call.shape[0]):
-        if _comes_near(single.box[k], rays, best.t[0]):
-            _call(single, k, ANY)
-            if best.object_id[0] >= 0:
-                return True
-    return False
+    ask_each(single.bottoms, rays, best, True)
+    return best.object_id[0] >= 0

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.core.kernels.compensated import product, two_difference
+from hybrid_rt.core.kernels.compensated import advance, product, two_difference
 from hybrid_rt.intersection.kernels.parallelogram import onto_parallelogram, weights_of_point
 from hybrid_rt.intersection.kernels.search.counters import NODES
 from hybrid_rt.intersection.kernels.search.members import finish_each, offer_each, offer_near
@@ -72,6 +72,18 @@ def _minor(a, b, c, d):
     return (p - q) + (e - f)
 
 
+@inlined
+def _volume(a, b, d):
+    """Return a x b . d as if by twice the digits: its sign may hang on less than one rounding."""
+    high = low = 0.0
+    for k in range(3):
+        p, e = product(a[(k + 1) % 3], b[(k + 2) % 3])
+        q, f = product(a[(k + 2) % 3], b[(k + 1) % 3])
+        high, low = advance(high, low, p, d[k])
+        high, low = advance(high, low - (f - e) * d[k], -q, d[k])
+    return high + low
+
+
 @inner
 def _margin(table, k, o, d):
     """Return how far within the outline of a box a ray passes; negative: beside it.
@@ -83,7 +95,13 @@ def _margin(table, k, o, d):
     wx, ex = two_difference(o[0], table.corner[k, 0])
     wy, ey = two_difference(o[1], table.corner[k, 1])
     wz, ez = two_difference(o[2], table.corner[k, 2])
-    edge, normal, least = table.edge, table.normal, np.inf
+    edge, least = table.edge, np.inf
+    # Of a ray that runs along two faces the slopes' signs decide which edges bound the outline.
+    up = (
+        table.handed[k] * _volume(edge[k, 1], edge[k, 2], d) >= 0.0,
+        table.handed[k] * _volume(edge[k, 2], edge[k, 0], d) >= 0.0,
+        table.handed[k] * _volume(edge[k, 0], edge[k, 1], d) >= 0.0,
+    )
     for m in range(3):
         i, j = (m + 1) % 3, (m + 2) % 3
         # Across the ray and the edges along axis m.
@@ -93,8 +111,7 @@ def _margin(table, k, o, d):
         length = np.sqrt(x * x + y * y + z * z)
         if not length > 0.0:
             continue
-        is_up_i = _dot(normal, k, i, d[0], d[1], d[2]) >= 0.0
-        is_up_j = _dot(normal, k, j, d[0], d[1], d[2]) >= 0.0
+        is_up_i, is_up_j = up[i], up[j]
         side = -table.handed[k] if is_up_i == is_up_j else table.handed[k]
         for entered in range(2):
             # Axis i is entered and j is left, then the other way round.

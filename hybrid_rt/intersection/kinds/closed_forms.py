@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from hybrid_rt.core.records import FloatArray, IntArray
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tree import new_stack
-from hybrid_rt.intersection.kind import Finished, OneRow, Single
-from hybrid_rt.intersection.members import in_order
+from hybrid_rt.intersection.kind import Finished, OneRow, Single, bottom
+from hybrid_rt.intersection.members import around, box_of, in_order
 from hybrid_rt.intersection.trims import trim_of_single, trimmed_of, whole_of
 from meshing.kernels.stored_calls import StoredCall
 
@@ -66,6 +66,7 @@ class ClosedForm:
         if trace_tree is not None:
             many = min(many, MANY_TRIMMED) if trimmed else many
             order, self._n_plain, self._in_trees = in_order(whole, many)
+        self._plain_box = around([whole[k] for k in order[: self._n_plain]])
         if trimmed:
             make_table = partial(make_table, trim=trim_of_single([trimmed[k] for k in order]))
         self.table = make_table([whole[k] for k in order], object_id[order])
@@ -103,19 +104,25 @@ class ClosedForm:
     def single(self, ray: OneRow, kind_of: IntArray, kind: int) -> Single:
         """See `hybrid_rt.intersection.kind.Kind.single`."""
         rays, best, out, work = ray
-        found: list[list[StoredCall]] = []
-        for any_hit in (False, True):
-            found.append([])
-            if self._n_plain:
-                found[-1].append(
-                    StoredCall(self._trace, self.table, self._n_plain, rays, best, any_hit)
-                )
-            for members in self._in_trees:
-                stack = new_stack(members.tree)
-                found[-1].append(
-                    StoredCall(
-                        self._trace_tree, self.table, members, rays, best, any_hit, stack, work
-                    )
-                )
+
+        def plain(any_hit: bool) -> list[StoredCall]:
+            return [StoredCall(self._trace, self.table, self._n_plain, rays, best, any_hit)]
+
+        def in_tree(members: Members, any_hit: bool) -> list[StoredCall]:
+            stack = new_stack(members.tree)
+            return [
+                StoredCall(self._trace_tree, self.table, members, rays, best, any_hit, stack, work)
+            ]
+
+        bottoms = [bottom(self._plain_box, plain)] if self._n_plain else []
+        bottoms += [
+            bottom(box_of(members.tree, *members[2:]), partial(in_tree, members))
+            for members in self._in_trees
+        ]
         finish = StoredCall(self._finish, self.table, rays, best, self._rows(kind_of, kind), out)
-        return Single(found[0], found[1], [finish])
+        return Single(bottoms, [finish])
+
+    @property
+    def n_trees(self) -> int:
+        """Number of trees."""
+        return len(self._in_trees)

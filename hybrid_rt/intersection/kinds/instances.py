@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -18,6 +19,7 @@ from hybrid_rt.intersection.kind import (
     Finished,
     OneRow,
     Single,
+    bottom,
     calls_of,
     finished_part,
     new_nearest,
@@ -25,7 +27,7 @@ from hybrid_rt.intersection.kind import (
     rows_of,
 )
 from hybrid_rt.intersection.margins import Probing, settle
-from hybrid_rt.intersection.members import in_frames, tree_over
+from hybrid_rt.intersection.members import box_of, in_frames, tree_over
 from hybrid_rt.intersection.ray_batch import locked
 from hybrid_rt.primitives.instances import Instances
 from meshing.kernels.stored_calls import StoredCall
@@ -69,7 +71,7 @@ class _Model:
     def single(self, ray: OneRow) -> Single:
         calls = [kind.single(ray, self._kind_of, number) for number, kind in enumerate(self.kinds)]
         return Single(
-            *([call for some in lists for call in some] for lists in zip(*calls, strict=True))
+            *([one for some in lists for one in some] for lists in zip(*calls, strict=True))
         )
 
     def finish(self, rays: Rays, best: Nearest, out: Finished, work: FloatArray) -> None:
@@ -133,19 +135,25 @@ class InstanceKind:
             call, first_call, np.concatenate([model.first_patch for model in self.models]),
             np.cumsum([0, *(len(model.first_patch) for model in self.models)]),
         )  # fmt: skip
-        first, any_hit = (
-            [
+
+        def in_tree(members: Members, any_hit: bool) -> list[StoredCall]:
+            return [
                 StoredCall(
-                    kernels.trace_one, self.places, members, rays, best, some,
+                    kernels.trace_one, self.places, members, rays, best, any_hit,
                     _new_walks(1, members.tree.stack), one, work,
                 )
-                for members in self.trees
-            ]
-            for some in (False, True)
-        )  # fmt: skip
+            ]  # fmt: skip
+
         describe = StoredCall(kernels.describe_one, self.places, rays, best, one, out)
         describe.keep(calls)
-        return Single(first, any_hit, [describe])
+        bottoms = [
+            bottom(box_of(members.tree, *members[2:]), partial(in_tree, members))
+            for members in self.trees
+        ]
+        return Single(bottoms, [describe])
+
+    # Slices remember what they hit.
+    n_trees = 0
 
     def for_slice(self, n: int) -> InstanceSlice:
         """Return what traces one slice of n rays: it remembers what they hit."""

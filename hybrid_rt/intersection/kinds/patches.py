@@ -1,8 +1,9 @@
-"""Bezier patches of all objects: one frame, one table of cells, one bounding volume hierarchy."""
+"""Bezier patches of all objects: a frame and a bounding volume hierarchy of cells for those of a size and place."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ from hybrid_rt.intersection.kernels.patch.finish import (
     refine_patches,
 )
 from hybrid_rt.intersection.kernels.patch.rational_fan import bound_rational_bends
-from hybrid_rt.intersection.kernels.patch.sheet import name_on_sheets
+from hybrid_rt.intersection.kernels.patch.sheet import name_on_sheets, name_parts
 from hybrid_rt.intersection.kernels.patch.skew_box import COLUMN, LOWER, RECORD
 from hybrid_rt.intersection.kernels.patch.trace import (
     MORE,
@@ -36,21 +37,30 @@ from hybrid_rt.intersection.kernels.patch.trace import (
     settle_doubts,
     trace_patches,
 )
+from hybrid_rt.intersection.kernels.search.bottoms import rows_near
 from hybrid_rt.intersection.kernels.search.coarse import CoarseHits, CoarseTriangles, guess_cells
 from hybrid_rt.intersection.kernels.search.counters import NEWTONS
 from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tolerances import DEPTH, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import Tree, build_tree, new_stack
-from hybrid_rt.intersection.kind import Finished, OneRow, Single, rows_of, widen_bounds
+from hybrid_rt.intersection.kind import Finished, OneRow, Single, bottom, rows_of, widen_bounds
 from hybrid_rt.intersection.kinds.closed_poles import closed_poles
 from hybrid_rt.intersection.margins import Aim, Probes, Rows, Search
-from hybrid_rt.intersection.members import frame_of
+from hybrid_rt.intersection.members import (
+    MOST_TREES,
+    SMALL_PART,
+    box_of,
+    frame_of,
+    in_frames,
+)
+from hybrid_rt.intersection.ray_batch import locked
 from hybrid_rt.intersection.sheets import Sheets
 from hybrid_rt.intersection.trims import may_hold_hits, no_trim, trim_of, trimmed_of, whole_of
 from meshing import BezierPatches, TrimmedSurface
 from meshing.bezier import RationalPatches
 from meshing.kernels.stored_calls import Returned, StoredCall
 from meshing.sheet import PatchSheet
+from meshing.surface import box_around
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.coarse.proposals import Coarse
@@ -78,6 +88,15 @@ class _Nets(NamedTuple):
     degree: NDArray[np.int64]
     centre: FloatArray
     rational: bool | None
+
+
+class _Part(NamedTuple):
+    """The patches that share a frame: the rows of a `PatchTable` are those of all patches."""
+
+    table: PatchTable  # its frame and cells are those of the part
+    told: PatchTable  # the same for rare code, which is told at run time what hot code knows
+    tree: Any  # Tree; None without a search
+    box: FloatArray  # (2, 3), see `box_of`; without a search nothing
 
 
 class PatchKind:
@@ -109,18 +128,32 @@ class PatchKind:
         lengths = (degree + 1).prod(axis=1)
         start = np.concatenate([[0], lengths.cumsum()[:-1]]).astype(np.int64)
         counts = [len(surface) for _, surface in surfaces]
-        middle, to_frame = frame_of(points.min(axis=0), points.max(axis=0))
-        low = np.minimum.reduceat(points, start) - middle
-        high = np.maximum.reduceat(points, start) - middle
+        boxes = np.stack(
+            [reduceat(points, start) for reduceat in (np.minimum.reduceat, np.maximum.reduceat)],
+            axis=1,
+        )
+        groups = in_frames(boxes, SMALL_PART, MOST_TREES)
+        self._group = np.zeros(len(boxes), np.int64)
+        for number, rows in enumerate(groups):
+            self._group[rows] = number
+        frames = [frame_of(*box_around(boxes[rows])) for rows in groups]
+        # One frame stands for all patches, else each has its own.
+        of_patch = self._group if len(groups) > 1 else np.zeros(1, np.int64)
+        of_point = np.repeat(self._group, lengths) if len(groups) > 1 else of_patch
+        middle = np.array([frame[0] for frame in frames])
+        to_frame = np.array([frame[1] for frame in frames])[:, None]
+        low, high = (side - middle[of_patch] for side in np.swapaxes(boxes, 0, 1))
         # Rounded to 20 bits, so that subtracting a centre loses nothing of ordinary figures; to more
         # where a patch is so small beside the frame that it would lie far from its centre.
-        exponent = np.frexp((high - low).max(axis=1) * to_frame)[1]
+        exponent = np.frexp((high - low).max(axis=1) * to_frame[of_patch, 0])[1]
         step = np.ldexp(2.0**-20, np.clip(exponent + 10, -32, 0))[:, None]
-        centre = np.round(0.5 * (low + high) * to_frame / step) * step
+        centre = np.round(0.5 * (low + high) * to_frame[of_patch] / step) * step
         left = np.concatenate(
             [r.reshape(-1, 3) for _, surface in surfaces for r in surface.remainders]
         )
-        control = _difference(points, left, middle, np.repeat(centre, lengths, axis=0), to_frame)
+        control = _difference(
+            points, left, middle[of_point], np.repeat(centre, lengths, axis=0), to_frame[of_point]
+        )
         size = np.sqrt(np.maximum.reduceat((control**2).sum(axis=1), start))
         bend = np.array(
             [(*_bend(net), *_fastest(net)) for net in _nets_of(control[:, :3], start, degree)]
@@ -136,20 +169,23 @@ class PatchKind:
         nets = _Nets(control, start, degree, centre, rational)
         object_id = np.repeat(np.array([i for i, _ in surfaces], np.int32), counts)
         patch_id = np.concatenate([np.arange(n, dtype=np.int32) for n in counts])
-        around = _around(surfaces, middle, to_frame, counts)
+        owner = np.repeat(np.arange(len(counts)), counts) * len(groups) + self._group
+        bounds = np.concatenate([surface.patch_bounds for _, surface in surfaces])
+        around = _around(bounds, owner, middle[of_patch], to_frame[of_patch])
         homogeneous = control.copy()
         if not rational:
             homogeneous[:, 3] = 1.0
-        poles = closed_poles(homogeneous, start.tolist(), degree.tolist(), centre, object_id)
+        poles = closed_poles(homogeneous, start.tolist(), degree.tolist(), centre, owner)
         bend = np.hstack([bend, poles.reshape(len(bend), -1)])
         trim = None
         if trimmed:
             spans = [_spans(surface) for _, surface in whole]
             scale = np.column_stack([around[:, :3] - centre, around[:, 3]])
-            trim = trim_of(trimmed, counts, np.concatenate(spans), to_frame, scale)
-        self.table = PatchTable(
-            middle=middle,
-            to_frame=to_frame,
+            trim = trim_of(trimmed, counts, np.concatenate(spans), to_frame[of_patch, 0], scale)
+        grid, first_cell = _grids(nets, max(finest, COARSEST), pool)
+        table = PatchTable(
+            middle=middle[0],
+            to_frame=float(to_frame[0, 0]),
             control=control,
             rational=rational,
             start=start,
@@ -160,58 +196,91 @@ class PatchKind:
             bend=bend,
             object_id=object_id,
             patch_id=patch_id,
+            grid=grid,
+            first_cell=first_cell,
+            place=np.empty(int(grid.prod(axis=1).sum()), np.int32),
+            record=np.empty((0, RECORD)),
+            cell_patch=np.empty(0, np.uint32),
             trim=trim,
-            **_cells(nets, max(finest, COARSEST), pool),
         )
-        # What one compilation of rare code serves for all: it is told at run time what hot code knows.
-        self._told = self.table._replace(rational=bool(rational), trim=trim or no_trim())
+        self.table = table
         # The sum of `rounding_of_root` has room for one rounding of a patch's size.
         moved = np.repeat([s.moved for _, s in surfaces], counts)
-        self._moved = np.where(moved * to_frame > UNIT_ROUNDOFF * size, moved, 0.0)
+        self._moved = np.where(moved * to_frame[of_patch, 0] > UNIT_ROUNDOFF * size, moved, 0.0)
         self._is_moved = bool(self._moved.any())
         self._widest, self._is_bicubic = int(degree.max()) + 1, bool((degree == 3).all())
         self._first_patch = np.full(int(object_id.max()) + 1, -1, np.int64)
         for (i, _), first in zip(surfaces, np.cumsum([0, *counts[:-1]]), strict=True):
             self._first_patch[i] = first
+        tables = [table._replace(middle=m, to_frame=scale) for m, scale in frames]
+        trees = [None] * len(tables)
         if finest:
-            self._build_search(pool)
+            tables, trees = self._build_search(nets, tables, finest, pool)
+        self._parts = [
+            _Part(
+                t,
+                t._replace(rational=bool(rational), trim=trim or no_trim()),
+                tree,
+                box_of(tree, t.middle, t.to_frame) if tree else np.empty((0, 3)),
+            )
+            for t, tree in zip(tables, trees, strict=True)
+        ]
 
-    def _build_search(self, pool: Pool) -> None:
-        """Fill the cells in the order of a tree over them, and their quarters."""
-        t = self.table
-        n = len(t.place)
-        nets = _Nets(t.control, t.start, t.degree, t.centre, t.rational)
-        record, boxes, cell_patch = _filled(nets, t.grid, t.first_cell, pool)
-        kept = np.arange(n)
-        if t.trim is not None:
-            kept = np.flatnonzero(may_hold_hits(t.trim, record[:, _PLACE], cell_patch))
-        self.tree = Tree(*build_tree(boxes[kept, :3].copy(), boxes[kept, 3:].copy(), 1))
-        # Cells that are wholly trimmed away come last, and in no node of the tree.
-        order = np.concatenate([kept[self.tree.order], np.setdiff1d(np.arange(n), kept)])
-        t.record[:n], t.cell_patch[:n] = record[order], cell_patch[order]
-        t.place[order] = np.arange(n, dtype=np.int32)
-        if len(t.record) > n:
-
-            def quarter(begin: int, end: int) -> None:
-                fill_quarters(
-                    *nets, t.record[:n], t.cell_patch[:n], begin, end, t.record[n:],
-                    t.cell_patch[n:],
-                )  # fmt: skip
-
-            pool.run(quarter, n)
+    def _build_search(
+        self, nets: _Nets, tables: list[PatchTable], finest: int, pool: Pool
+    ) -> tuple[list[PatchTable], list[Any]]:
+        """Return the tables with their cells, in the order of trees over them, and quarters; and the trees."""
+        place, trim, begin = self.table.place, self.table.trim, 0
+        record, boxes, cell_patch = _filled(nets, self.table.grid, self.table.first_cell, pool)
+        keeps = np.ones(len(place), np.bool_)
+        if trim is not None:
+            keeps = may_hold_hits(trim, record[:, _PLACE], cell_patch)
+        is_quartered = finest > COARSEST and 4 * len(place) <= MOST_CELLS
+        group = self._group[cell_patch]
+        in_groups, trees = np.argsort(group, kind="stable"), list[Any]()
+        ends = np.searchsorted(group[in_groups], np.arange(1, len(tables)))
+        for number, cells in enumerate(np.split(in_groups, ends)):
+            # A tree of nothing cannot be built.
+            kept = cells[keeps[cells]] if keeps[cells].any() else cells[:1]
+            tree = Tree(*build_tree(boxes[kept, :3].copy(), boxes[kept, 3:].copy(), 1))
+            # Cells that are wholly trimmed away come last, and in no node of the tree.
+            order = np.concatenate([kept[tree.order], np.setdiff1d(cells, kept)])
+            n = len(order)
+            own = _aligned(5 * n if is_quartered else n)
+            patch = np.empty(len(own), np.uint32)
+            own[:n], patch[:n] = record[order], cell_patch[order]
+            place[order] = np.arange(begin, begin + n, dtype=np.int32)
+            if is_quartered:
+                pool.run(_quarters(nets, own, patch, n), n)
+            tables[number] = tables[number]._replace(
+                place=place[begin : begin + n], record=own, cell_patch=patch
+            )
+            trees.append(tree)
+            begin += n
+        return tables, trees
 
     def trace(
         self, rays: Rays, guess: IntArray | None, best: Nearest, any_hit: bool, work: FloatArray
     ) -> None:
         """Lower ``best`` to the first roots on the patches."""
         cells = np.empty(0, np.int32) if guess is None else guess
-        t_guess, t_before = np.empty(len(cells)), best.t[: len(cells)].copy()
-        self._trace(rays, _NOT_MOVED, cells, best, any_hit, t_guess, work)
+        t_guess, t_before = np.full(len(cells), np.inf), best.t[: len(cells)].copy()
+        begin = 0
+        for part in self._parts:
+            own, end = cells, begin + len(part.table.place)
+            if len(self._parts) > 1:
+                is_own = (begin <= cells) & (cells < end)
+                own = np.where(is_own, cells - begin, -1).astype(np.int32)
+            t_part = np.full(len(cells), np.inf)
+            self._trace(part, rays, _NOT_MOVED, own, best, any_hit, t_part, work)
+            np.minimum(t_guess, t_part, out=t_guess)
+            begin = end
         if guess is not None:
             count_changed(t_guess, t_before, best, work)
 
     def _trace(
         self,
+        part: _Part,
         rays: Rays,
         aside: FloatArray,
         cells: IntArray,
@@ -220,20 +289,27 @@ class PatchKind:
         t_guess: FloatArray,
         work: FloatArray,
     ) -> None:
-        """Trace rays, moved by ``aside`` in lengths of the frame; the rest is as in the kernel."""
-        scratch = self._new_scratch(len(best.t))
-        begin, n = 0, len(best.t)
+        """Trace rays, moved by ``aside``, world, through one part; the rest is as in the kernel."""
+        scratch = self._new_scratch(part, len(best.t))
+        begin, n, aside = 0, len(best.t), part.table.to_frame * aside
         while begin < n:
             some, nearest = rows_of(rays, begin, n), rows_of(best, begin, n)
             done, n_doubts = trace_patches(
-                self.table, self.tree, some, aside[begin:], cells[begin:], nearest, any_hit,
+                part.table, part.tree, some, aside[begin:], cells[begin:], nearest, any_hit,
                 scratch, t_guess[begin:], work,
             )  # fmt: skip
             if n_doubts:
                 settle_doubts(
-                    self._told, some, aside[begin:], nearest, any_hit, scratch, n_doubts, work
+                    part.told, some, aside[begin:], nearest, any_hit, scratch, n_doubts, work
                 )
             begin += done
+
+    def _by_part(self, patches: NDArray[Any]) -> list[tuple[_Part, Rows]]:
+        """Return the parts in which some patches are, and the rows of each."""
+        if len(self._parts) == 1:
+            return [(self._parts[0], np.arange(len(patches)))]
+        group = self._group[patches]
+        return [(self._parts[g], np.flatnonzero(group == g)) for g in np.unique(group)]
 
     def guesses(self, coarse: Coarse, hits: CoarseHits) -> IntArray:
         """Return the cell of each coarse hit, -1 where there is none on a patch."""
@@ -270,22 +346,28 @@ class PatchKind:
     ) -> BoolArray:
         """Refine hits on triangles for rays moved by ``aside``, world; return which were accepted."""
         accepted = np.zeros(len(rows), np.bool_)
-        refine_patches(
-            self._told, hits, triangles, first, rows, rays, self.table.to_frame * aside, best,
-            self._new_basis(), accepted,
-        )  # fmt: skip
+        first_patch = first[triangles.object_id[hits.face]]
+        here = np.flatnonzero(first_patch >= 0)
+        for part, some in self._by_part(first_patch[here] + triangles.piece[hits.face[here]]):
+            k = here[some]
+            taken = np.zeros(len(k), np.bool_)
+            refine_patches(
+                part.told, CoarseHits(*(x[k] for x in hits)), triangles, first, rows[k], rays,
+                part.table.to_frame * aside, best, self._new_basis(), taken,
+            )  # fmt: skip
+            accepted[k] = taken
         return accepted
-
-    @property
-    def frame(self) -> float:
-        """Size of all patches, world units."""
-        return 1.0 / self.table.to_frame
 
     def aim(self, rays: Rays, best: Nearest, out: Finished, rows: Rows) -> Aim:
         """Return where to displace rays whose hits are in doubt."""
         n = len(rows)
-        aim = Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
-        aim_at_patches(self._told, rays, best, out, rows, self._new_basis(), *aim)
+        aim = Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_), np.empty(n))
+        for part, some in self._by_part(best.primitive[rows]):
+            m, basis = len(some), self._new_basis()
+            own = np.empty(m), np.empty((m, 3)), np.empty(m, np.bool_)
+            aim_at_patches(part.told, rays, best, out, rows[some], basis, *own)
+            aim.band[some], aim.outward[some], aim.is_edge[some] = own
+            aim.frame[some] = 1.0 / part.table.to_frame
         return aim
 
     @property
@@ -309,14 +391,26 @@ class PatchKind:
         work[NEWTONS] += m
 
     def _search(self, probes: Probes, nearest: Nearest, work: FloatArray) -> None:
-        moves = self.table.to_frame * probes.aside
-        self._trace(probes.rays, moves, _NO_CELLS, nearest, False, _NO_GUESS, work)
+        rows = np.arange(len(nearest.t))
+        for part in self._parts:
+            some, rays, found = rows, probes.rays, nearest
+            if len(self._parts) > 1:
+                # The margin is wider than the band by far: it holds for rays that are moved.
+                some = np.empty_like(rows)
+                some = some[: rows_near(part.box, rays, nearest, some)]
+                rays = Rays(*(x[some] if len(x) else x for x in rays))
+                rays = rays._replace(origin=locked(rays.origin))
+                found = Nearest(*(x[some] for x in nearest))
+            self._trace(part, rays, probes.aside[some], _NO_CELLS, found, False, _NO_GUESS, work)
+            if found is not nearest:
+                for column, values in zip(nearest, found, strict=True):
+                    column[some] = values
 
     def _new_basis(self) -> FloatArray:
         """Return scratch for Bernstein polynomials."""
         return np.empty((4, self._widest))
 
-    def _new_scratch(self, n_rays: int) -> PatchScratch:
+    def _new_scratch(self, part: _Part, n_rays: int) -> PatchScratch:
         """Return scratch for one call of `trace_patches`."""
         widest = self._widest
         return PatchScratch(
@@ -324,9 +418,9 @@ class PatchKind:
             nets=np.empty((DEPTH, widest, widest, 4)),
             room=np.empty((widest, widest, 3)),
             boxes=np.empty((DEPTH, 4)),
-            stack=new_stack(self.tree, MORE),
+            stack=new_stack(part.tree, MORE),
             # Room for every record once, by one ray; memory that is not touched costs nothing.
-            queue=np.empty((len(self.table.record) + n_rays, 2), np.int32),
+            queue=np.empty((len(part.table.record) + n_rays, 2), np.int32),
         )
 
     def _first_of(self, coarse: Coarse) -> NDArray[np.int64]:
@@ -339,38 +433,72 @@ class PatchKind:
         self, rays: Rays, best: Nearest, kind_of: IntArray, kind: int, out: Finished
     ) -> None:
         """Describe the hits that are on patches."""
-        finish_patches(self._told, rays, best, kind_of, kind, self._new_basis(), out)
+        if len(self._parts) == 1:
+            told = self._parts[0].told
+            finish_patches(told, rays, best, kind_of, kind, self._new_basis(), out)
+        else:
+            own = best._replace(object_id=np.empty_like(best.object_id))
+            name_parts(best, kind_of, kind, self._group, own.object_id)
+            for g in np.unique(own.object_id[own.object_id >= 0]):
+                told, numbers = self._parts[g].told, self._numbers
+                finish_patches(told, rays, own, numbers, int(g), self._new_basis(), out)
         if self._is_moved:
             widen_bounds(self._moved, rays, best, kind_of, kind, out)
         if self._sheets is not None:
             self._sheets.finish(best.object_id, out)
 
+    @property
+    def _numbers(self) -> IntArray:
+        """Numbers of parts, in place of kinds of objects: see `name_parts`."""
+        return np.arange(len(self._parts), dtype=np.int32)
+
     def single(self, ray: OneRow, kind_of: IntArray, kind: int) -> Single:
         """See `hybrid_rt.intersection.kind.Kind.single`."""
         rays, best, out, work = ray
-        scratch = self._new_scratch(1)
-        found: list[list[StoredCall]] = []
-        for any_hit in (False, True):
+
+        def calls(part: _Part, any_hit: bool) -> list[StoredCall]:
+            scratch = self._new_scratch(part, 1)
             search = StoredCall(
-                trace_patches, self.table, self.tree, rays, _NOT_MOVED, _NO_CELLS, best, any_hit,
+                trace_patches, part.table, part.tree, rays, _NOT_MOVED, _NO_CELLS, best, any_hit,
                 scratch, _NO_GUESS, work,
             )  # fmt: skip
             doubts = Returned(search, 1)
             settle = StoredCall(
-                settle_doubts, self._told, rays, _NOT_MOVED, best, any_hit, scratch, doubts, work,
+                settle_doubts, part.told, rays, _NOT_MOVED, best, any_hit, scratch, doubts, work,
                 only_if=doubts,
             )  # fmt: skip
-            found.append([search, settle])
-        basis = self._new_basis()
-        describe = [StoredCall(finish_patches, self._told, rays, best, kind_of, kind, basis, out)]
+            return [search, settle]
+
+        bottoms = [bottom(part.box, partial(calls, part)) for part in self._parts]
+        basis, own, describe = self._new_basis(), best, list[StoredCall]()
+        if len(self._parts) > 1:
+            own = best._replace(object_id=np.empty(1, np.int32))
+            name = StoredCall(name_parts, best, kind_of, kind, self._group, own.object_id)
+            kind_of, describe = self._numbers, [name]
+        describe += [
+            StoredCall(
+                finish_patches, part.told, rays, own, kind_of, g if own is not best else kind,
+                basis, out,
+            )
+            for g, part in enumerate(self._parts)
+        ]  # fmt: skip
         if self._sheets is not None:
             named = self._sheets.arguments(best.object_id, out)
             describe.append(StoredCall(name_on_sheets, *named))
-        return Single(found[0], found[1], describe)
+        return Single(bottoms, describe)
+
+    @property
+    def n_trees(self) -> int:
+        """Number of trees."""
+        return len(self._parts)
 
 
 def _difference(
-    points: FloatArray, left: FloatArray, middle: FloatArray, centre: FloatArray, to_frame: float
+    points: FloatArray,
+    left: FloatArray,
+    middle: FloatArray,
+    centre: FloatArray,
+    to_frame: FloatArray,
 ) -> FloatArray:
     """(points + left - middle) to_frame - centre with two roundings; and a column of zeros."""
     high = points - middle
@@ -389,8 +517,11 @@ def _nets_of(
     return [piece.reshape(*shape, 3) for piece, shape in zip(pieces, shapes, strict=True)]
 
 
-def _cells(nets: _Nets, finest: int, pool: Pool) -> dict[str, NDArray[np.generic]]:
-    """Choose each patch's grid: from one cell up, halved while its normals spread widely."""
+def _grids(nets: _Nets, finest: int, pool: Pool) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Choose each patch's grid: from one cell up, halved while its normals spread widely.
+
+    Returns ``grid`` and ``first_cell`` as in `PatchTable`.
+    """
     k = len(nets.start)
     while finest > COARSEST and k * finest * finest > MOST_CELLS:
         finest //= 2
@@ -407,15 +538,20 @@ def _cells(nets: _Nets, finest: int, pool: Pool) -> dict[str, NDArray[np.generic
         wide = np.flatnonzero(worst > WIDE_SPREAD)
         side *= 2
         grid[wide] = side
-    n = int(grid.prod(axis=1).sum())
-    n_quarters = 4 * n if finest > COARSEST and 4 * n <= MOST_CELLS else 0
-    return {
-        "grid": grid,
-        "first_cell": first,
-        "place": np.empty(n, np.int32),
-        "record": _aligned(n + n_quarters),
-        "cell_patch": np.empty(n + n_quarters, np.uint32),
-    }
+    return grid, first
+
+
+def _quarters(
+    nets: _Nets, record: FloatArray, cell_patch: NDArray[np.uint32], n: int
+) -> Callable[[int, int], None]:
+    """Return what fills the quarters of some of n cells, behind all of them."""
+
+    def work(begin: int, end: int) -> None:
+        fill_quarters(
+            *nets, record[:n], cell_patch[:n], begin, end, record[n:], cell_patch[n:]
+        )  # fmt: skip
+
+    return work
 
 
 def _filled(
@@ -447,16 +583,16 @@ def _spread(record: FloatArray) -> FloatArray:
 
 
 def _around(
-    surfaces: Sequence[tuple[int, BezierPatches]],
-    middle: FloatArray,
-    to_frame: float,
-    counts: Sequence[int],
+    bounds: FloatArray, owner: NDArray[np.int64], middle: FloatArray, to_frame: FloatArray
 ) -> FloatArray:
-    """Return the middle of each patch's object and the diameter of its box, (k, 4)."""
-    bounds = np.array([surface.bounds for _, surface in surfaces])
-    low, high = (bounds[:, 0] - middle) * to_frame, (bounds[:, 1] - middle) * to_frame
+    """Return for each patch the middle and the diameter of the box around all that have its ``owner``, (k, 4)."""
+    _, row = np.unique(owner, return_inverse=True)
+    low, high = np.full((2, int(row.max()) + 1, 3), np.inf)
+    np.minimum.at(low, row, bounds[:, 0])
+    np.minimum.at(high, row, -bounds[:, 1])
+    low, high = (low[row] - middle) * to_frame, (-high[row] - middle) * to_frame
     size = np.linalg.norm(high - low, axis=1, keepdims=True)
-    return np.repeat(np.hstack([0.5 * (low + high), size]), counts, axis=0)
+    return np.hstack([0.5 * (low + high), size])
 
 
 def _spans(surface: BezierPatches | PatchSheet) -> FloatArray:

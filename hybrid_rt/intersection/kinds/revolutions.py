@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,8 +41,8 @@ from hybrid_rt.intersection.kernels.search.nearest import Nearest, Rays
 from hybrid_rt.intersection.kernels.search.tolerances import DEPTH, UNIT_ROUNDOFF
 from hybrid_rt.intersection.kernels.search.tree import new_stack
 from hybrid_rt.intersection.kernels.search.trims import Trim
-from hybrid_rt.intersection.kind import Finished, OneRow, Single, widen_bounds
-from hybrid_rt.intersection.members import in_order
+from hybrid_rt.intersection.kind import Finished, OneRow, Single, bottom, widen_bounds
+from hybrid_rt.intersection.members import around, box_of, in_order
 from hybrid_rt.intersection.trims import trim_of, trimmed_of, whole_of
 from meshing import SurfaceOfRevolution, TrimmedSurface
 from meshing.kernels.stored_calls import StoredCall
@@ -49,6 +50,7 @@ from meshing.profiles import cosine_and_sine, homogeneous
 
 if TYPE_CHECKING:
     from hybrid_rt.intersection.coarse.proposals import Coarse
+    from hybrid_rt.intersection.kernels.search.members import Members
 
 # Pieces per segment: enough that most hold at most one root of a ray.
 PIECES = 8
@@ -74,6 +76,7 @@ class RevolutionKind:
     ) -> None:
         whole = [surface for _, surface in whole_of(members)]
         order, self._n_plain, self._in_trees = in_order(whole, many)
+        self._plain_box = around([whole[k] for k in order[: self._n_plain]])
         members = [members[k] for k in order]
         trimmed = trimmed_of(members)
         surfaces: list[tuple[int, SurfaceOfRevolution]] = whole_of(members)
@@ -198,27 +201,37 @@ class RevolutionKind:
         """See `hybrid_rt.intersection.kind.Kind.single`."""
         rays, best, out, work = ray
         none, nowhere, scratch = np.empty(0, np.int32), np.empty(0), _new_scratch(self.table)
-        found: list[list[StoredCall]] = []
-        for any_hit in (False, True):
-            found.append([])
-            if self._n_plain:
-                found[-1].append(
-                    StoredCall(
-                        trace_revolutions, self.table, self._n_plain, rays, none, best, any_hit,
-                        nowhere, scratch, work,
-                    )
-                )  # fmt: skip
-            found[-1] += [
+
+        def plain(any_hit: bool) -> list[StoredCall]:
+            return [
+                StoredCall(
+                    trace_revolutions, self.table, self._n_plain, rays, none, best, any_hit,
+                    nowhere, scratch, work,
+                )
+            ]  # fmt: skip
+
+        def in_tree(members: Members, any_hit: bool) -> list[StoredCall]:
+            return [
                 StoredCall(
                     trace_revolution_tree, self.table, members, rays, none, best, any_hit,
                     scratch, new_stack(members.tree), work,
                 )
-                for members in self._in_trees
             ]  # fmt: skip
+
+        bottoms = [bottom(self._plain_box, plain)] if self._n_plain else []
+        bottoms += [
+            bottom(box_of(members.tree, *members[2:]), partial(in_tree, members))
+            for members in self._in_trees
+        ]
         row_of = self._rows(len(kind_of))
         row_of[kind_of != kind] = -1
         finish = StoredCall(finish_revolutions, self.table, rays, best, row_of, np.empty(RAY), out)
-        return Single(found[0], found[1], [finish])
+        return Single(bottoms, [finish])
+
+    @property
+    def n_trees(self) -> int:
+        """Number of trees."""
+        return len(self._in_trees)
 
 
 def _with_conversion(
@@ -263,7 +276,7 @@ def _trim(
             rows = slice(first_segment[k], first_segment[k + 1])
             spans[rows, 2:] = surface.spans[segment_id[rows], 2:]
     scale[:, 0], scale[:, 1] = begin, share
-    return trim_of(surfaces, counts.tolist(), spans, np.array(to_frame), scale)
+    return trim_of(surfaces, counts.tolist(), spans, np.repeat(to_frame, counts), scale)
 
 
 def _number_rows(ends: list[list[FloatArray]], segment_id: list[int], first: int) -> None:

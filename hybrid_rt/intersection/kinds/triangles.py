@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,9 +22,16 @@ from hybrid_rt.intersection.kernels.triangle import (
     rows_of_faces,
     trace_triangles,
 )
-from hybrid_rt.intersection.kind import Finished, OneRow, Single
+from hybrid_rt.intersection.kind import Finished, OneRow, Single, bottom
 from hybrid_rt.intersection.margins import Aim, Probes, Rows, Search
-from hybrid_rt.intersection.members import SMALL_PART, frame_of, in_frames, tree_over
+from hybrid_rt.intersection.members import (
+    MOST_TREES,
+    SMALL_PART,
+    box_of,
+    frame_of,
+    in_frames,
+    tree_over,
+)
 from hybrid_rt.primitives import TriangleMesh
 from meshing.kernels.stored_calls import StoredCall
 from meshing.surface import box_around
@@ -63,7 +71,7 @@ class TriangleKind:
         # A tree for each frame of faces, and the longest side of one.
         self._trees: list[tuple[Members, float]] = []
         if search:
-            groups = in_frames(bounds, SMALL_PART)
+            groups = in_frames(bounds, SMALL_PART, MOST_TREES)
             for rows, begin in zip(groups, np.cumsum([0, *map(len, groups)]), strict=False):
                 members = tree_over(bounds[rows], int(begin), LEAF_SIZE)
                 order[begin : begin + len(rows)] = rows[members.tree.order]
@@ -127,30 +135,33 @@ class TriangleKind:
     def single(self, ray: OneRow, kind_of: IntArray, kind: int) -> Single:
         """See `hybrid_rt.intersection.kind.Kind.single`."""
         rays, best, out, work = ray
-        first, any_hit = (
-            [
+
+        def calls(members: Members, longest: float, any_hit: bool) -> list[StoredCall]:
+            return [
                 StoredCall(
-                    trace_triangles, self.table, members, longest, rays, _NOT_MOVED, best, some,
+                    trace_triangles, self.table, members, longest, rays, _NOT_MOVED, best, any_hit,
                     new_stack(members.tree), work,
                 )
-                for members, longest in self._trees
-            ]
-            for some in (False, True)
-        )  # fmt: skip
+            ]  # fmt: skip
+
+        bottoms = [
+            bottom(box_of(members.tree, *members[2:]), partial(calls, members, longest))
+            for members, longest in self._trees
+        ]
         finish = StoredCall(finish_triangles, self.table, rays, best, kind_of, kind, out)
-        return Single(first, any_hit, [finish])
+        return Single(bottoms, [finish])
 
     @property
-    def frame(self) -> float:
-        """Size of all meshes, world units."""
-        return 1.0 / self.table.to_frame
+    def n_trees(self) -> int:
+        """Number of trees."""
+        return len(self._trees)
 
     def aim(self, rays: Rays, best: Nearest, out: Finished, rows: Rows) -> Aim:
         """Return where to displace rays whose hits are in doubt."""
         del out
-        n = len(rows)
-        aim = Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_))
-        aim_at_triangles(self.table, rays, best, rows, *aim)
+        n, frame = len(rows), 1.0 / self.table.to_frame
+        aim = Aim(np.empty(n), np.empty((n, 3)), np.empty(n, np.bool_), np.full(n, frame))
+        aim_at_triangles(self.table, rays, best, rows, *aim[:3])
         return aim
 
     @property

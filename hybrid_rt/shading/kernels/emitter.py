@@ -83,29 +83,6 @@ def light_on_hit(lights, sky, textures, points, row, lobes, vertices, i, s, t, s
     return x, y, z, factor * p * r, factor * q * g, factor * k * b, density, pdf
 
 
-@kernel(allocates=True)
-def light_on_hits(
-    lights, sky, textures, points, light_id, lobes, vertices, xi, strategy, asked, to_light, value
-):
-    """Next-event estimation: sample a point of one light per hit, times f cos of non-delta lobes.
-
-    ``light_id`` (n,) is the number of lights for the environment; ``points`` are those of `SURFACE` lights,
-    or empty. If ``strategy`` is `UNWEIGHTED` every light is sampled; otherwise one light is, by its
-    probability, and the value is weighted against BSDF sampling. Written are ``to_light``, ``value`` (n,
-    3), see `light_on_hit`.
-    """
-    material = vertices.material
-    for i in range(light_id.size):
-        x = y = z = r = g = b = 0.0
-        if material[i] >= 0:
-            x, y, z, r, g, b, _, _ = light_on_hit(
-                lights, sky, textures, points, light_id[i], lobes, vertices, i, xi[i, 0], xi[i, 1],
-                strategy, asked,
-            )  # fmt: skip
-        to_light[i, 0], to_light[i, 1], to_light[i, 2] = x, y, z
-        value[i, 0], value[i, 1], value[i, 2] = r, g, b
-
-
 @inlined
 def light_on_ray(
     lights, sky, textures, row, i, met, origin, direction, pdf, pdf_area, connection_pdf, media, lobes,

@@ -102,19 +102,6 @@ def _left(density, length):
     return math.exp(-density * length) if density > 0.0 else 1.0
 
 
-@kernel(allocates=True)
-def weaken_by_ways(stack, lobes, way, has_end, value):
-    """Attenuate values along segments (n, 3) within media; some segments are infinitely long."""
-    for i in range(has_end.size):
-        length = math.inf
-        if has_end[i]:
-            length = math.sqrt(way[i, 0] ** 2 + way[i, 1] ** 2 + way[i, 2] ** 2)
-        r, g, b = transmittance(stack, i, lobes, length)
-        value[i, 0] *= r
-        value[i, 1] *= g
-        value[i, 2] *= b
-
-
 @inlined
 def cross_medium(stack, i, lobes, glass_of, material, is_front, second, t, unclosed):
     """Return the transmittance between the origin of ray i and its hit; see `cross_media`.
@@ -198,16 +185,3 @@ def look_beyond(lobes, lobe, stack, front_face, second, beyond, ratio):
     """
     for i in range(lobe.size):
         ratio[i] = look_beyond_one(lobes, lobe[i], stack, i, front_face[i], second, beyond)
-
-
-@kernel(allocates=True)
-def take_media_toward(normal, direction, way, beyond, stack):
-    """Set ``stack`` (n, STACK) to that of outgoing directions ``way``: ``beyond`` if transmitted."""
-    for i in range(stack.shape[0]):
-        before = after = 0.0
-        for k in range(3):
-            before += normal[i, k] * direction[i, k]
-            after += normal[i, k] * way[i, k]
-        if before * after > 0.0:
-            for k in range(STACK):
-                stack[i, k] = beyond[i, k]

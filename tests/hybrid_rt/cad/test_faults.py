@@ -3,14 +3,16 @@
 import os
 import re
 import signal
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from hybrid_rt import read_cad
+from hybrid_rt import Flag, Intersector, read_cad
 from hybrid_rt.cad import edges, process
+from hybrid_rt.cad.faces import Raw, parts_of
 from hybrid_rt.cad.loops import Arc, RefusedFaceError, closed_loops
 from hybrid_rt.cad.records import USE
 
@@ -142,6 +144,36 @@ def test_small_gaps_of_loops_are_closed_by_lines_and_wide_ones_refused():
     del sides[2]
     with pytest.raises(RefusedFaceError, match="loop 0 is open by 1"):
         closed_loops([sides], (0.0, 0.0))
+
+
+def bezier_face(gap, beyond=0.0):
+    """A plane as a spline over the unit square, up to its border or beyond."""
+    net = [(x, y, 0.0) for x in (0.0, 0.5, 1.0) for y in (0.0, 1.0)]
+    size = [2, 1, 3, 2, 0, 0, 0, 0]
+    numbers = np.concatenate([np.ravel(net), [0.0] * 3 + [1.0] * 3, [0.0] * 2 + [1.0] * 2])
+    wires = [[arc.moved((1.0 + beyond, 1.0), (0, 0)) for arc in square()]]
+    wires = [[replace(arc, gap=gap) for arc in wire] for wire in wires]
+    return Raw("bspline", False, size, numbers, wires, gap)
+
+
+def test_splines_go_on_where_their_edges_do():
+    """By so much edges of files leave the domain of their surface, which is a polynomial there, too."""
+    face = bezier_face(0.0, beyond=1e-5)
+    (part,) = parts_of(face)
+    (u, v) = part.unit(np.array([[1.0 + 1e-5, 0.5]]))
+    assert 0.0 <= u[0] <= 1.0
+    assert np.abs(part.point(u, v) - (1.0 + 1e-5, 0.5, 0.0)).max() < 1e-15
+
+
+def test_rays_do_not_slip_through_gaps_at_the_ends_of_splines():
+    face = bezier_face(1e-4)
+    (part,) = parts_of(face)
+    x = np.array([0.5, -0.9e-4, 1.0 + 0.9e-4, -1.1e-4, 1.0 + 1.1e-4])
+    origins = np.column_stack([x, np.full(5, 0.5), np.ones(5)])
+    down = np.tile((0.0, 0.0, -1.0), (5, 1))
+    hits = Intersector([part.trimmed(face)], coarse="none").intersect(origins, down)
+    assert hits.hit.tolist() == [True, True, True, False, False]
+    assert (hits.flags & Flag.EDGE > 0).tolist() == [False, True, True, False, False]
 
 
 def test_edges_in_any_order_are_put_into_a_loop():

@@ -1,6 +1,6 @@
 """Lamps within glass, bodies of patches, light paths of many passes.
 
-Where formulas divide by nothing or never end: `proof.stability`, by the ids of the catalogue.
+Where formulas divide by nothing: `test_light_at_extremes`.
 """
 
 import math

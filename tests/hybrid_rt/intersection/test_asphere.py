@@ -6,19 +6,17 @@ from math import comb
 import numpy as np
 import pytest
 from hard_rays import (
-    OFFSETS,
+    ANY_SURFACE,
     assert_crossings_are_exact,
     assert_decided_exactly,
-    from_far,
-    leaving,
-    offsets,
+    at_set,
     share_met_on_the_way,
-    tangents,
     unit,
 )
 from mpmath import mp
 
 from hybrid_rt import Asphere, Intersector, Sphere, Status, SurfaceOfRevolution, reflect
+from proof.cases.singular_rays import at_parameters, beside, within
 
 ASPHERES = {
     "hyperboloid": Asphere(10, -2.25, [], 22, (0.2, -0.1, 0.3), (0.3, -0.2, 1)),
@@ -42,63 +40,12 @@ def on_asphere(asphere, n, rng, v=None):
     return asphere.point(u, v), asphere.normal(u, v), unit(about), unit(over)
 
 
-def back(asphere, n, rng, ways=(0.0, 0.02, 0.5, 30)):
-    return asphere.size * rng.choice(ways, n)[:, None]
-
-
-def silhouettes(asphere, n, rng):
-    """Tangents, most of them along one of the principal directions."""
-    points, normals, about, over = on_asphere(asphere, n, rng)
-    ways = tangents(n, rng, about, over)
-    return points + offsets(asphere, n, rng) * normals - back(asphere, n, rng) * ways, ways
-
-
-def at_rim(asphere, n, rng):
-    """Past the rim, any way, across it and nearly along it."""
-    v = np.where(asphere.orientation > 0, 1.0, 0.0)
-    points, normals, about, over = on_asphere(asphere, n, rng, v)
-    points = points + offsets(asphere, n, rng) * np.where(rng.random((n, 1)) < 0.5, normals, over)
-    flat = 10.0 ** rng.uniform(-12, 0, (n, 1)) * rng.choice([-1, 1], (n, 1))
-    ways = [
-        rng.normal(size=(n, 3)),
-        over + flat * normals,
-        about + flat * over,
-        normals + flat * over,
-    ]
-    ways = unit(np.choose(rng.integers(4, size=n)[:, None], ways))
-    return points - back(asphere, n, rng) * ways, ways
-
-
-def at_vertex(asphere, n, rng):
-    """Past the vertex, along the axis, nearly so, and across it."""
-    frame = asphere.revolution_frame
-    points = frame[0] + asphere.size * rng.choice(OFFSETS, (n, 3)) @ frame[1:]
-    tilt = 10.0 ** rng.uniform(-16, 0, (n, 1)) * rng.choice([0, 1], (n, 1))
-    along, across = (
-        frame[1] * rng.choice([-1.0, 1.0], (n, 1)),
-        unit(rng.normal(size=(n, 2)) @ frame[2:]),
-    )
-    is_flat = rng.random((n, 1)) < 0.3
-    ways = np.where(is_flat, across + tilt * along, along + tilt * across)
-    return points - back(asphere, n, rng) * ways, ways
-
-
-def of_a_lens(asphere, n, rng):
-    """Nearly along the axis, over the aperture and a little beyond, from both sides."""
-    frame = asphere.revolution_frame
-    radius, turn = 0.55 * asphere.aperture * np.sqrt(rng.random(n)), rng.uniform(0, 2 * np.pi, n)
-    points = frame[0] + np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=1) @ frame[2:]
-    ways = frame[1] * rng.choice([-1.0, 1.0], (n, 1)) + rng.normal(size=(n, 2)) * 0.2 @ frame[2:]
-    return points - back(asphere, n, rng) * ways, ways
-
-
+RIM = [(None, 0.0), (None, 1.0)]  # of either orientation, and its vertex
 RAYS = {
-    "silhouettes": silhouettes,
-    "rim": at_rim,
-    "vertex": at_vertex,
-    "lens": of_a_lens,
-    "far": from_far(on_asphere),
-    "leaving": leaving(on_asphere),
+    "rim, past": at_set(at_parameters(RIM, True), beside),
+    "rim, flatly": at_set(at_parameters(RIM, True), within),
+    "vertex": at_set(at_parameters([(0.0, 0.0), (0.0, 1.0)], False), beside),
+    **ANY_SURFACE,
 }
 
 

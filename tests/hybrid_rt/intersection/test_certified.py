@@ -56,18 +56,6 @@ def chords(surface, n, seed):
     return middle + radius * a, radius * (b - a)
 
 
-def grazing(surface, n, offset, seed):
-    """Rays along tangents at random points, moved by an offset along the normal."""
-    rng = np.random.default_rng(seed)
-    k = rng.integers(len(surface), size=n)
-    u, v = rng.random((2, n))
-    point, normal = surface.point(u, v, k), surface.normal(u, v, k)
-    along = rng.normal(size=(n, 3))
-    along = unit(along - np.einsum("ij,ij->i", along, normal)[:, None] * normal)
-    size = size_of(surface)
-    return point + offset * size * normal - 0.25 * size * along, along
-
-
 def edge_points(surface, n, seed):
     """Patch, u, v of random points on the borders and corners of patches."""
     rng = np.random.default_rng(seed)
@@ -111,14 +99,6 @@ def test_certified_shadow_rays_do_without_embree(teapot, bare, rays, accuracy, a
         np.testing.assert_array_equal(blocked, bare.occluded(*rays))
 
 
-def test_order_batches_and_threads_change_no_bit(teapot, tracer, rays, hits):
-    shuffled = np.random.default_rng(3).permutation(N)
-    assert_same(hits[shuffled], tracer.intersect(rays[0][shuffled], rays[1][shuffled]))
-    single = Intersector([teapot], threads=1)
-    for part in (slice(0, 1), slice(1, 700), slice(700, N)):
-        assert_same(hits[part], single.intersect(rays[0][part], rays[1][part]))
-
-
 @pytest.mark.parametrize("kind", ["random", "none"])
 def test_wrong_coarse_hits_change_nothing(teapot, rays, hits, kind, monkeypatch):
     liar = Intersector([teapot])
@@ -134,15 +114,6 @@ def test_wrong_coarse_hits_change_nothing(teapot, rays, hits, kind, monkeypatch)
 
     monkeypatch.setattr(liar._coarse.scene, "first", lie)
     assert_same(hits, liar.intersect(*rays))
-
-
-@pytest.mark.parametrize("exponent", range(-9, 0))
-def test_silhouettes_with_and_without_embree(teapot, tracer, bare, exponent):
-    rays = grazing(teapot, 3000, -(10.0**exponent), seed=-exponent)
-    a, b = tracer.intersect(*rays), bare.intersect(*rays)
-    assert_same(a, b)
-    assert tracer.counters["given_up"] == 0
-    assert (a.residual[a.hit] <= 64 * EPS * size_of(teapot)).all()
 
 
 def test_no_ray_slips_through_an_edge(teapot, tracer):
@@ -192,15 +163,6 @@ def test_departure_from_edges_is_not_a_hit(teapot, tracer, on_edges, side):
          hits.t[i], hits.t_bound[i], cosine[i], float(away[i] @ hits.normal[i]))
         for i in bad[:8]
     ]  # fmt: skip
-
-
-def test_limits_of_t(tracer, rays, hits):
-    found = np.flatnonzero(hits.hit)
-    origin, direction, t = rays[0][found], rays[1][found], hits.t[found]
-    assert not tracer.occluded(origin, direction, t_max=t).any()
-    assert tracer.occluded(origin, direction, t_max=t * (1 + 1e-9)).all()
-    later = tracer.intersect(origin, direction, t_min=t * (1 + 1e-9))
-    assert (later.t > t).all()
 
 
 def test_shadow_ray_ends_on_its_target(tracer, hits):

@@ -105,6 +105,17 @@ def test_contains_points_of_a_curved_body():
 
 
 @pytest.mark.parametrize("order", [1, -1])
+def test_one_body_is_left_where_another_begins(order):
+    boxes = [Box((0, 0, 0), (1, 1, 1)), Box((0, 0, 1), (1, 1, 2))][::order]
+    origins = np.random.default_rng(2).uniform((0.1, 0.1, -1), (0.9, 0.9, -1), (50, 3))
+    found = Intersector(boxes).intersect_all(origins, (0.01, 0.02, 1.0))
+    assert (found.count == 4).all()
+    for k in (0, 1):
+        front = found.hits.front_face[found.hits.object_id == k].reshape(-1, 2)
+        assert (front == (True, False)).all()
+
+
+@pytest.mark.parametrize("order", [1, -1])
 def test_contains_points_of_bodies_that_touch(order):
     """The shared face is left and entered: a point in either body is inside."""
     bodies = [Box((0, 0, 0), (1, 1, 1)), Box((0.2, 0.1, 1), (0.8, 1.5, 2))][::order]

@@ -10,6 +10,7 @@ from math import comb
 
 import numpy as np
 import pytest
+from exact_vectors import cross, dot, minus
 
 from hybrid_rt.intersection.kernels.patch.cells import (
     FAN,
@@ -73,18 +74,6 @@ def grown_net(net, a, b):
     rows = [blossom(row, v0, v1) for row in exact]
     columns = [blossom([row[j] for row in rows], u0, u1) for j in range(len(rows[0]))]
     return [[column[i] for column in columns] for i in range(len(rows))]
-
-
-def cross(a, b):
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-
-
-def dot(a, b):
-    return sum(x * y for x, y in zip(a, b, strict=True))
-
-
-def minus(p, q):
-    return tuple(x - y for x, y in zip(p, q, strict=True))
 
 
 def polynomial_cones(net):

@@ -13,7 +13,7 @@ from hybrid_rt import Box, Intersector, Plane, Rectangle, Sphere, Status, Triang
 from hybrid_rt.primitives.asphere import Asphere
 from hybrid_rt.primitives.torus import Torus
 from proof.exact.crossings import POINT, bits, rational, rationals
-from proof.surface import exact_of
+from proof.surface import judged_of
 from proof.surfaces.instances import Place
 
 VERTICES = np.array([(0, 0, 0), (1, 0.1, 0.2), (0.3, 1.1, -0.3), (0.2, 0.4, 1.3)])
@@ -106,7 +106,7 @@ def judge(given, matrices, rng, n, others=()):
     o, d = rays_at(image, image.size or scale, rng, n)
     hits = Intersector([*others, image], coarse="none", threads=1).intersect(o, d)
     places = [Place.of(matrix[:3]) for matrix in reversed(matrices)]
-    crosser, wrong, broken = exact_of(given).crosser(), [], []
+    crosser, wrong, broken = judged_of(given).crosser(), [], []
     for i in range(n):
         start, way = rationals(o[i]), rationals(d[i])
         for place in places:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from hybrid_rt.core.records import Flag, Status
-from hybrid_rt.demo import teapot
 from hybrid_rt.intersection import Intersector
 from meshing import BezierPatches
 from proof.cases.rational_surfaces import nurbs_sphere, octants
@@ -137,35 +136,3 @@ def test_rays_at_a_pole_whose_surface_is_open_say_so():
     hits = tracer.intersect((0.0, 0.0, -z), (0.0, 0.0, np.sign(z)))
     assert hits.status[0] == Status.HIT
     assert hits.flags[0] & Flag.NORMAL_DEGENERATE
-
-
-@pytest.mark.parametrize("name", ["sphere", "octants", "teapot"])
-def test_work_beside_a_pole_is_that_of_a_few_searches(name):
-    surface = {"sphere": nurbs_sphere, "octants": octants, "teapot": teapot}[name]()
-    tracer = Intersector([surface], coarse="none", threads=1)
-    for distance in DISTANCES:
-        x, y = about_the_axis(distance)
-        origins = np.column_stack([x, y, np.full(len(x), 6.0)])
-        before = tracer.counters["slow_pieces"]
-        tracer.intersect(origins, (0.0, 0.0, -1.0))
-        pieces = (tracer.counters["slow_pieces"] - before) / len(x)
-        # Four sectors meet there; a wide one is cut a few times. It was 5500, and displaced rays.
-        assert pieces <= 24, (distance, pieces)
-
-
-def test_batches_and_coarse_hits_change_no_bit_beside_a_pole():
-    surface = nurbs_sphere()
-    rng = np.random.default_rng(4)
-    away = rng.normal(size=(40, 3))
-    aside = rng.normal(size=(40, 3)) * 10.0 ** rng.uniform(-16, -2, (40, 1))
-    targets = np.array([0.0, 0.0, 1.0]) + aside
-    origins = 3.0 * away / np.linalg.norm(away, axis=1)[:, None]
-    alone, embree = (Intersector([surface], coarse=coarse) for coarse in ("none", "embree"))
-    all_at_once = alone.intersect(origins, targets - origins)
-    one_by_one = [alone.intersect(o, p - o) for o, p in zip(origins, targets, strict=True)]
-    by_embree = embree.intersect(origins, targets - origins)
-    for column in ("t", "u", "v", "patch_id", "normal", "status", "t_bound"):
-        whole = getattr(all_at_once, column)
-        split = np.concatenate([getattr(one, column) for one in one_by_one])
-        np.testing.assert_array_equal(whole, split)
-        np.testing.assert_array_equal(whole, getattr(by_embree, column))

@@ -5,22 +5,11 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import trimesh
+from exact_vectors import cross, dot, exact, minus
 
 from hybrid_rt import Box, Intersector, Plane, Rectangle, Sphere, Status, TriangleMesh
 from hybrid_rt.core.records import NamedPoints
 from meshing import BezierPatches, SurfaceOfRevolution, TrimmedSurface, polygon, tessellate
-
-
-def exact(vector):
-    return [Fraction(number) for number in np.asarray(vector).tolist()]
-
-
-def dot(a, b):
-    return sum(x * y for x, y in zip(a, b, strict=True))
-
-
-def cross(a, b):
-    return [a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3] for k in range(3)]
 
 
 def exact_root(rectangle, origin, direction):
@@ -29,7 +18,7 @@ def exact_root(rectangle, origin, direction):
         exact, (rectangle.corner, rectangle.edge_u, rectangle.edge_v, origin, direction)
     )
     normal = cross(u, v)
-    away = [a - b for a, b in zip(corner, o, strict=True)]
+    away = minus(corner, o)
     t = dot(normal, away) / dot(normal, d)
     point = [t * a - b for a, b in zip(d, away, strict=True)]
     square = dot(normal, normal)

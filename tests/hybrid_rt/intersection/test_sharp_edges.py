@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from exact_vectors import cross, dot, exact
 
 from hybrid_rt import Box, Intersector, Rectangle, Status, TriangleMesh
 from hybrid_rt.core.records import NamedPoints
@@ -13,18 +14,6 @@ from meshing import BezierPatches, TrimmedSurface, polygon
 
 EPS = 2.0**-52
 ANGLES = [0.1, 1e-3, 1e-6]
-
-
-def exact(vector):
-    return [Fraction(number) for number in np.asarray(vector).tolist()]
-
-
-def dot(a, b):
-    return sum(x * y for x, y in zip(a, b, strict=True))
-
-
-def cross(a, b):
-    return [a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3] for k in range(3)]
 
 
 def along(corner, steps, edges):

@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 from hard_rays import (
+    ANY_SURFACE,
     OFFSETS,
     assert_crossings_are_exact,
     assert_decided_exactly,
-    from_far,
-    leaving,
+    at_set,
     offsets,
     share_met_on_the_way,
-    tangents,
     unit,
 )
 
 from hybrid_rt import Intersector, Status, Torus
+from proof.cases.singular_rays import at_parameters, parallel
 
 TORI = {
     "ring": Torus((0.2, -0.1, 0.3), (0.3, -0.2, 1), 1, 0.4),
@@ -43,24 +43,6 @@ def placed(torus, points, directions, rng, back=(0.0, 0.6, 3.0)):
     return frame[0] + points @ frame[1:] - way * directions, directions
 
 
-def grazing(v_of):
-    """Tangents, most of them along one of the principal directions, at ``v_of(n, rng)``."""
-
-    def rays(torus, n, rng):
-        points, normals, about, over = on_torus(torus, n, rng, v_of(n, rng))
-        directions = tangents(n, rng, about, over)
-        points = points + offsets(torus, n, rng) * np.where(torus.orientation > 0, 1, -1) * normals
-        return points - torus.size * rng.choice([0.02, 0.5, 30], n)[
-            :, None
-        ] * directions, directions
-
-    return rays
-
-
-def near(v):
-    return lambda n, rng: v + rng.normal(size=n) * 10.0 ** rng.uniform(-9, -1, n)
-
-
 def within_rim_planes(torus, n, rng):
     """In the planes that touch the torus along a circle, or beside them: four roots in two pairs."""
     turn, r = rng.uniform(0, 2 * np.pi, n), torus.minor_radius
@@ -70,24 +52,6 @@ def within_rim_planes(torus, n, rng):
     tilt = rng.choice([0, 1], n) * 10.0 ** rng.uniform(-15, -3, n)
     points = np.stack([-y * beside, x * beside, height], axis=1)
     return placed(torus, points, np.stack([x, y, tilt], axis=1), rng)
-
-
-def along_axis(torus, n, rng):
-    """Parallel to the axis, exactly or nearly: on the axis, at both rims, through the tube."""
-    middle, r = torus.major_radius, torus.minor_radius
-    far = rng.choice([0, middle - r, middle, middle + r], n) + offsets(torus, n, rng)[:, 0]
-    turn, lean = rng.uniform(0, 2 * np.pi, (2, n))
-    tilt = rng.choice([0, 1], n) * 10.0 ** rng.uniform(-16, -2, n)
-    points = np.stack([far * np.cos(turn), far * np.sin(turn), np.zeros(n)], axis=1)
-    ways = [tilt * np.cos(lean), tilt * np.sin(lean), rng.choice([-1.0, 1.0], n)]
-    return placed(torus, points, np.stack(ways, axis=1), rng)
-
-
-def through_axis(torus, n, rng):
-    """At the axis or closely past it."""
-    points = rng.uniform(-1.5, 1.5, (n, 3)) * (0, 0, torus.minor_radius)
-    points[:, :2] = torus.size * rng.choice(OFFSETS, (n, 2))
-    return placed(torus, points, rng.normal(size=(n, 3)), rng)
 
 
 def along_tube(torus, n, rng):
@@ -117,24 +81,12 @@ def twice_tangent(torus, n, rng):
     return placed(torus, points, ways, rng)
 
 
-def from_inside(torus, n, rng):
-    points, normals, _, _ = on_torus(torus, n, rng)
-    outward = np.where(torus.orientation > 0, 1, -1) * normals
-    return points - torus.minor_radius * rng.random((n, 1)) * outward, rng.normal(size=(n, 3))
-
-
 RAYS = {
-    "silhouettes": grazing(lambda n, rng: rng.random(n)),
-    "inner rim": grazing(near(0.5)),
-    "outer rim": grazing(near(0.0)),
     "rim planes": within_rim_planes,
-    "along the axis": along_axis,
-    "through the axis": through_axis,
     "along the tube": along_tube,
     "twice tangent": twice_tangent,
-    "from inside": from_inside,
-    "from far": from_far(on_torus),
-    "leaving": leaving(on_torus),
+    "equators": at_set(at_parameters([(None, 0.0), (None, 0.5)], True), parallel),
+    **ANY_SURFACE,
 }
 
 

@@ -41,7 +41,7 @@ from proof.cases.trimmed_surfaces import (
     windowed_ball,
     windowed_torus,
 )
-from proof.surface import all_exact, all_filters, exact_of
+from proof.surface import all_judged, judged_of
 
 TURN = np.array([[0, 0, 2, 1], [2, 0, 0, -3], [0, 2, 0, 5], [0, 0, 0, 1]], float)
 SKEW = np.array([[-1, 0.6, 0.2, 1], [0, 1, -0.4, 0], [0.3, 0, 1, 2], [0, 0, 0, 1]])
@@ -86,8 +86,8 @@ def test_every_class_that_rays_meet_is_judged_and_tested_here():
     met = {entry.surface for entry in ENTRIES}
     # A sheet is met as the patches that it consists of, a trimmed surface as what it trims; both are
     # judged by themselves.
-    assert set(all_exact()) == set(all_filters()) <= met | {PatchSheet, TrimmedSurface}
-    assert all(set(surface_type.__mro__) & set(all_exact()) for surface_type in met)
+    assert set(all_judged()) <= met | {PatchSheet, TrimmedSurface}
+    assert all(set(surface_type.__mro__) & set(all_judged()) for surface_type in met)
     assert met == set(SURFACES)
     assert all(issubclass(surface_type, Surface) for surface_type in met)
 
@@ -248,7 +248,7 @@ def test_what_is_in_no_registry_is_refused():
     with pytest.raises(TypeError, match=r"surfaces\[0\] is of type Ghost: pass surfaces such as"):
         Intersector([Ghost()])
     with pytest.raises(TypeError, match="surface is a Ghost"):
-        exact_of(Ghost())
+        judged_of(Ghost())
 
 
 class Moon(Sphere):
@@ -258,4 +258,4 @@ class Moon(Sphere):
 def test_derived_classes_are_what_they_derive_from():
     hits = Intersector([Moon((0, 0, 0), 1)]).intersect((0, 0, 3), (0, 0, -1))
     assert hits.t[0] == 2.0
-    assert exact_of(Moon((0, 0, 0), 1)).surface.radius == 1.0
+    assert judged_of(Moon((0, 0, 0), 1)).surface.radius == 1.0

@@ -198,6 +198,72 @@ def _sphere_t(center: Any, radius: float) -> Any:
     return t
 
 
+def _at_apex(
+    _surfaces: Sequence[Any], factor: float = 1.0, seed: int = 0
+) -> tuple[FloatArray, FloatArray]:
+    """Rays from 3 above the apex of the lid: it comes first, as the knob is convex there."""
+    n = max(round(200 * factor), LEAST_RAYS)
+    directions = unit(np.random.default_rng([31, seed]).normal(size=(n, 3)) * (0.2, 0.2, 1.0))
+    directions[:, 2] = -np.abs(directions[:, 2])
+    return np.array([0.0, 0.0, 3.15]) - 3.0 * directions, directions
+
+
+def steep_sheet() -> BezierPatches:
+    """Z = 4 x y over [-1, 1]^2, which fills its box."""
+    return BezierPatches([[[(-1, -1, 4), (-1, 1, -4)], [(1, -1, -4), (1, 1, 4)]]])
+
+
+def _within_box(
+    _surfaces: Sequence[Any], factor: float = 1.0, seed: int = 0
+) -> tuple[FloatArray, FloatArray]:
+    """Rays up from within the box of the steep sheet, on either side of it."""
+    n = max(round(2000 * factor), LEAST_RAYS)
+    o = np.random.default_rng([37, seed]).uniform((-0.9, -0.9, -3), (0.9, 0.9, 3), (n, 3))
+    return o, np.tile((0.0, 0.0, 1.0), (n, 1))
+
+
+def _up_to_steep_sheet(origins: FloatArray, _d: FloatArray) -> FloatArray:
+    above = 4.0 * origins[:, 0] * origins[:, 1] - origins[:, 2]
+    return np.where(above > 0.0, above, np.inf)
+
+
+def _through_axis(
+    surfaces: Sequence[Any], factor: float = 1.0, seed: int = 0
+) -> tuple[FloatArray, FloatArray]:
+    """Rays that meet the axis of a turned surface, at any angle but along it."""
+    surface, rng = surfaces[0], np.random.default_rng([41, seed])
+    n = max(round(100 * factor), LEAST_RAYS)
+    at = surface.origin + rng.uniform(0.05, 0.95, (n, 1)) * surface.axis
+    turn = rng.uniform(0.0, 2.0 * np.pi, (n, 1))
+    across = np.cos(turn) * surface.radial + np.sin(turn) * surface.binormal
+    directions = across + rng.uniform(-0.5, 0.5, (n, 1)) * surface.axis
+    return at - 3.0 * directions, directions
+
+
+def _across_tube(radius: float, outside: Sequence[float] = ()) -> Any:
+    """Rays along x at a tube about z: within it, and some that pass it by."""
+
+    def of(
+        _surfaces: Sequence[Any], factor: float = 1.0, seed: int = 0
+    ) -> tuple[FloatArray, FloatArray]:
+        rng = np.random.default_rng([43, seed])
+        n = max(round(500 * factor), LEAST_RAYS)
+        y, z = rng.uniform(-0.99, 0.99, (2, n))
+        y[: len(outside)] = outside
+        return np.stack([np.full(n, -3.0), radius * y, z], axis=1), np.tile((1.0, 0, 0), (n, 1))
+
+    return of
+
+
+def _tube_t(radius: float) -> Any:
+    def t(origins: FloatArray, _d: FloatArray) -> FloatArray:
+        y = origins[:, 1]
+        root = np.sqrt(np.maximum((radius - y) * (radius + y), 0.0))
+        return np.where(np.abs(y) < radius, 3.0 - root, np.inf)
+
+    return t
+
+
 def _down(points: Any) -> Any:
     return _fixed(np.array(points, dtype=np.float64) + np.array([0.0, 0.0, 5.0]), (0.0, 0.0, -1.0))
 
@@ -246,6 +312,10 @@ CATALOGUE = (
     Case("A05", "bilinear, any way", lambda: [saddle()], _rays(chords, 60), has_marks=True),
     Case("A08", "apex of the lid", lambda: [teapot()], _aimed(_about_teapot_apex), most_pieces=500),
     Case(
+        "A08", "through the apex", lambda: [teapot()], _at_apex, lambda o, _d: np.full(len(o), 3.0),
+        most_pieces=500,
+    ),
+    Case(
         "A10", "cuspidal edge", lambda: [cuspidal_edge()],
         _aimed(lambda rng: np.stack([np.zeros(200), np.zeros(200), rng.random(200)], axis=1)),
     ),
@@ -262,6 +332,7 @@ CATALOGUE = (
         _fixed((0.5, 0.5, 0.0), [(0.0, 0.0, 1.0), (0.3, 0.1, -1.0)]),
         lambda o, _d: np.full(len(o), np.inf),
     ),
+    Case("A24", "within its box", lambda: [steep_sheet()], _within_box, _up_to_steep_sheet),
     Case(
         "A25", "pointing away", lambda: [teapot()],
         _fixed((0.0, 0.0, 10.0), [(0.0, 0.0, 1.0), (0.1, 0.2, 1.0)]),
@@ -279,6 +350,9 @@ CATALOGUE = (
         "B05", "through the axis", lambda: [cone()],
         _fixed((-2.0, 0.0, 0.5), (1.0, 0.0, 0.0)), lambda _o, _d: np.array([1.5]),
     ),
+    Case("B05", "of a cone, any way", lambda: [cone()], _through_axis, has_marks=True),
+    Case("B05", "of a torus, any way", lambda: [torus()], _through_axis, has_marks=True),
+    Case("B03", "across a cylinder", lambda: [cylinder()], _across_tube(1.0), _tube_t(1.0)),
     Case(
         "B07", "at the tip of a cone", lambda: [cone()],
         _fixed((0.0, 0.0, -1.0), (0.0, 0.0, 1.0)), lambda _o, _d: np.array([1.0]),
@@ -299,8 +373,7 @@ CATALOGUE = (
     Case("B16", "grazing the equators", lambda: [torus()], _rays(silhouettes, 1000, offsets=OFFSETS)),
     Case(
         "B18", "a wire of radius 1e-9", lambda: [cylinder(1e-9)],
-        _fixed([(-1.0, 0.0, 0.5), (-1.0, 2e-9, 0.5)], (1.0, 0.0, 0.0)),
-        lambda _o, _d: np.array([1.0 - 1e-9, np.inf]),
+        _across_tube(1e-9, (1.5, -2.0, 30.0)), _tube_t(1e-9),
     ),
     Case(
         "C01", "wall of radius 1e5", lambda: [Sphere((0, 0, -1e5), 1e5)], _aimed(_near_wall, 2.0),
@@ -321,6 +394,10 @@ CATALOGUE = (
     Case(
         "C12", "radius 1e-9 and 1e9", lambda: [Sphere((0, 0, 0), 1e-9), Sphere((0, 0, -2e9), 1e9)],
         _aimed(lambda rng: 5e-10 * unit(rng.normal(size=(200, 3)))), _sphere_t((0, 0, 0), 1e-9),
+    ),
+    Case(
+        "C12", "beside the small one", lambda: [Sphere((0, 0, 0), 1e-9), Sphere((0, 0, -2e9), 1e9)],
+        _aimed(lambda rng: 5e-10 * unit(rng.normal(size=(100, 3))), 1e-8), has_marks=True,
     ),
     Case(
         "D02", "directions of length 1e-300 and 1e300", lambda: [Sphere((0, 0, 0), 1)],

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import shutil
 import subprocess
 import sys
@@ -13,18 +14,24 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hybrid_rt.core.records import HitRecord
+from hybrid_rt.core.records import BoolArray
+from hybrid_rt.intersection import Intersector
+from proof.cases.campaign import HARD, SINGULAR, Batch, placed_surfaces, trace_cell
 from proof.cases.mutants import PACKAGES, Mutant, applied
+from proof.cases.rays import hard_rays
+from proof.cases.scenes import SCENES
+from proof.cases.singular_sets import DISTANCES, PLACEMENTS, SETS
+from proof.exact.judge import ExactJudge
 
-Traced: TypeAlias = dict[str, NDArray[Any]]
-"""Columns of hits, and rays, by ``set|place|distance|column``."""
+Key: TypeAlias = tuple[str, str, float]
+"""A singular set, or a scene of `HARD` rays; its placement; the distance."""
+Traced: TypeAlias = dict[Key, "Batch"]
 
 # Ordinary hard rays of `rays.hard_rays`, besides those at singular sets: scenes of each kind.
 ORDINARY = {
@@ -76,20 +83,8 @@ class MutantResult:
 
 
 def trace_all(kinds: Sequence[str], n: int, seed: int, out: str) -> None:
-    """Trace n rays of all cells of some kinds, and write hits and rays to a .npz file."""
-    from hybrid_rt.intersection import Intersector
-    from proof.cases.campaign import placed_surfaces, trace_cell
-    from proof.cases.rays import hard_rays
-    from proof.cases.scenes import SCENES
-    from proof.cases.singular_sets import DISTANCES, PLACEMENTS, SETS
-
-    arrays: Traced = {}
-
-    def keep(key: str, hits: HitRecord, origins: Any, directions: Any) -> None:
-        for item in fields(hits):
-            arrays[f"{key}|{item.name}"] = getattr(hits, item.name)
-        arrays[f"{key}|origins"], arrays[f"{key}|directions"] = origins, directions
-
+    """Trace n rays of all cells of some kinds, and pickle the batches."""
+    found: Traced = {}
     for name, entry in SETS.items():
         for place in PLACEMENTS if entry.kind in kinds else ():
             try:
@@ -97,18 +92,14 @@ def trace_all(kinds: Sequence[str], n: int, seed: int, out: str) -> None:
             except ValueError:
                 break  # refused
             for distance in DISTANCES:
-                cell = trace_cell(tracer, name, distance, place, n, seed)
-                key = f"{name}|{place}|{distance!r}"
-                keep(key, cell.hits, cell.origins, cell.directions)
-                if cell.leaves is not None:
-                    arrays[f"{key}|leaves"] = cell.leaves
+                found[name, place, distance] = trace_cell(tracer, name, distance, place, n, seed)
     for scene in (scene for kind in kinds for scene in ORDINARY[kind]):
         surfaces = SCENES[scene]()
         rays = hard_rays(surfaces, ORDINARY_SHARE * n, seed)
         tracer = Intersector(surfaces, coarse="none", threads=1)
         hits = tracer.intersect(rays.origins, rays.directions)
-        keep(f"hard rays, {scene}|home|1.0", hits, rays.origins, rays.directions)
-    np.savez(out, **arrays)  # type: ignore[arg-type]
+        found[f"hard rays, {scene}", "home", 1.0] = Batch("", hits, rays.origins, rays.directions)
+    Path(out).write_bytes(pickle.dumps(found))
 
 
 def run_mutants(
@@ -146,7 +137,7 @@ def run_mutants(
 
 def _traced(packages: Path, kinds: Sequence[str], n: int, seed: int) -> tuple[Traced | None, str]:
     """Trace rays by packages in a folder; return what was written, or the process' last words."""
-    out = packages / "traced.npz"
+    out = packages / "traced.pickle"
     code = (
         "from proof.cases.mutant_campaign import trace_all; "
         f"trace_all({tuple(kinds)!r}, {n}, {seed}, {str(out)!r})"
@@ -163,8 +154,7 @@ def _traced(packages: Path, kinds: Sequence[str], n: int, seed: int) -> tuple[Tr
         last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
         is_broken = any(error in done.stderr for error in NO_PROGRAM)
         return None, f"{BROKEN}: {last}" if is_broken else last
-    with np.load(out) as file:
-        return {key: file[key] for key in file.files}, ""
+    return pickle.loads(out.read_bytes()), ""
 
 
 def compared(
@@ -173,66 +163,57 @@ def compared(
     """Judge rows that differ, until one tells; return how many differ, and how many were judged."""
     for key in before:
         if key not in after:
-            return Notice(key.split("|")[0], 0, ["its surfaces are refused"]), 0, 0
+            return Notice(key[0], 0, ["its surfaces are refused"]), 0, 0
     # Other decisions first, then other bounds; in each a row of every set by turns.
-    rows: list[tuple[bool, int, int, str, int]] = []
+    rows: list[tuple[bool, int, int, Key, int]] = []
     traced: Counter[str] = Counter()
     of_set: Counter[tuple[str, bool]] = Counter()
-    for key in dict.fromkeys(key.rsplit("|", 1)[0] for key in after):
-        name = key.split("|")[0]
-        differs, decides = _differing(before, after, key)
+    for key, batch in before.items():
+        differs, decides = _differing(batch, after[key])
         for row in np.flatnonzero(differs).tolist():
-            kind = name, bool(decides[row])
-            rows.append((not kind[1], of_set[kind], traced[name] + row, key, row))
+            kind = key[0], bool(decides[row])
+            rows.append((not kind[1], of_set[kind], traced[key[0]] + row, key, row))
             of_set[kind] += 1
-        traced[name] += len(after[f"{key}|t"])
+        traced[key[0]] += len(after[key].hits)
     judged_of: Counter[str] = Counter()
     for _, _, number, key, row in sorted(rows):
-        name = key.split("|")[0]
-        if judged_of[name] >= judged:
+        if judged_of[key[0]] >= judged:
             continue
-        judged_of[name] += 1
-        old, new = (_faults(traced, key, row, judges) for traced in (before, after))
+        judged_of[key[0]] += 1
+        old, new = (_faults(key, batches[key], row, judges) for batches in (before, after))
         if new - old:
-            return Notice(name, number, sorted(new - old)), len(rows), judged_of.total()
+            return Notice(key[0], number, sorted(new - old)), len(rows), judged_of.total()
     return None, len(rows), judged_of.total()
 
 
-def _differing(before: Traced, after: Traced, key: str) -> tuple[NDArray[Any], NDArray[Any]]:
+def _differing(before: Batch, after: Batch) -> tuple[BoolArray, BoolArray]:
     """Tell of the same rays of a cell whose rows differ, and whose decisions do."""
-    count = min(len(before.get(f"{key}|t", ())), len(after[f"{key}|t"]))
+    count = min(len(before.hits), len(after.hits))
+    one, two = before.hits[:count], after.hits[:count]
 
-    def differ(name: str) -> NDArray[Any]:
-        a, b = before[f"{key}|{name}"][:count], after[f"{key}|{name}"][:count]
+    def differ(name: str) -> BoolArray:
+        a, b = getattr(one, name), getattr(two, name)
         return np.asarray((a != b) & ~((a != a) & (b != b)))  # noqa: PLR0124
 
-    same = ~(differ("origins").any(axis=1) | differ("directions").any(axis=1))
+    same = (before.origins[:count] == after.origins[:count]).all(axis=1)
+    same &= (before.directions[:count] == after.directions[:count]).all(axis=1)
     differs = same & np.any([differ(name) for name in COLUMNS], axis=0)
-    a, b = before[f"{key}|t"][:count], after[f"{key}|t"][:count]
     with np.errstate(invalid="ignore"):
-        decides = differ("object_id") | differ("status") | (np.abs(a - b) > 1e-9 * np.abs(a))
-    return differs, decides
+        is_far = np.abs(one.t - two.t) > 1e-9 * np.abs(one.t)
+    return differs, differ("object_id") | differ("status") | is_far
 
 
-def _faults(
-    traced: Traced, key: str, row: int, judges: dict[tuple[str, str], Any]
-) -> set[str]:  # fmt: skip
+def _faults(key: Key, batch: Batch, row: int, judges: dict[tuple[str, str], Any]) -> set[str]:
     """Return what exact arithmetic finds wrong with a row."""
-    from proof.cases.campaign import HARD, SINGULAR, placed_surfaces
-    from proof.exact.judge import ExactJudge
-
-    name, place, distance = key.split("|")
+    name, place, distance = key
     if (name, place) not in judges:
         scene = name.removeprefix("hard rays, ")
         sort = SINGULAR if scene == name else HARD
         judges[name, place] = ExactJudge(placed_surfaces(scene, place, sort))
     judge, one = judges[name, place], slice(row, row + 1)
-    leaves = traced.get(f"{key}|leaves")
     verdict = judge.judge(
-        HitRecord(**{item.name: traced[f"{key}|{item.name}"][one] for item in fields(HitRecord)}),
-        traced[f"{key}|origins"][one],
-        traced[f"{key}|directions"][one],
-        distance=np.array([float(distance) * judge.scene.size]),
-        leaves=None if leaves is None else leaves[one],
-    )
+        batch.hits[one], batch.origins[one], batch.directions[one],
+        distance=np.array([distance * judge.scene.size]),
+        leaves=None if batch.leaves is None else batch.leaves[one],
+    )  # fmt: skip
     return set(verdict.examples) - {"left open"}

@@ -8,7 +8,7 @@ function takes a random generator, so a seed determines all rays.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +24,7 @@ BACKS = (0.3, 3.0, 1e3)
 NEAR_BACKS = (2.0, 30.0)
 # Where on a side of a singular point the surface's normal is taken.
 BESIDE = 1e-3
+TURN = 2.0 * np.pi
 # Edges whose control points agree to this part of the patch are points.
 COLLAPSED = 1e-12
 
@@ -56,14 +57,8 @@ class Aimed(NamedTuple):
 def poles(surfaces: Sequence[Any], n: int, rng: Random) -> Targets:
     """Find ends of a profile on its axis: tips, rounded poles, spindles."""
     surface = surfaces[0]
-    assert isinstance(surface, SurfaceOfRevolution)
     slack = radius_rounding(surface.segments)
-    ends = [
-        (k, v)
-        for k, net in enumerate(surface.segments)
-        for v, point in ((0.0, net[0]), (1.0, net[-1]))
-        if abs(point[1]) <= slack
-    ]
+    ends = [end for end, radius in _ends(surface) if abs(radius) <= slack]
     segment, v = _picked(ends, n, rng)
     u = rng.random(n)
     return Targets(
@@ -79,24 +74,30 @@ def circles(joined: bool) -> Finder:
 
     def find(surfaces: Sequence[Any], n: int, rng: Random) -> Targets:
         surface = surfaces[0]
-        assert isinstance(surface, SurfaceOfRevolution)
-        last = len(surface.segments) - 1
-        slack = radius_rounding(surface.segments)
-        ends = []
-        for k, net in enumerate(surface.segments):
-            for v, point in ((0.0, net[0]), (1.0, net[-1])):
-                is_end = (k == 0 and v == 0.0) or (k == last and v == 1.0)
-                if point[1] > slack and is_end != joined:
-                    ends.append((k, v))
+        outer = (0, 0.0), (len(surface.segments) - 1, 1.0)
+        ends = [
+            end
+            for end, radius in _ends(surface)
+            if radius > radius_rounding(surface.segments) and (end in outer) != joined
+        ]
         segment, v = _picked(ends, n, rng)
         u = rng.random(n)
-        points = surface.point(u, v, segment)
         around, _ = surface.partials(u, v, segment)
         return Targets(
-            points, unit(around), surface.normal(u, np.abs(v - BESIDE), segment), size_of(surface)
+            surface.point(u, v, segment),
+            unit(around),
+            surface.normal(u, np.abs(v - BESIDE), segment),
+            size_of(surface),
         )
 
     return find
+
+
+def _ends(surface: SurfaceOfRevolution) -> Iterator[tuple[tuple[int, float], float]]:
+    """Yield the ends of all segments, each with its radius."""
+    for k, net in enumerate(surface.segments):
+        yield (k, 0.0), net[0][1]
+        yield (k, 1.0), net[-1][1]
 
 
 def seam(surfaces: Sequence[Any], n: int, rng: Random) -> Targets:
@@ -210,18 +211,14 @@ def beside(targets: Targets, k: float, rng: Random) -> Aimed:
     n = len(targets.points)
     small = 10.0 ** rng.uniform(-12.0, -1.0, n) * (rng.random(n) < 0.7)
     random = unit(rng.normal(size=(n, 3)))
-    first, second = two_normals(targets.normals)
-    turn = rng.uniform(0.0, 2.0 * np.pi, n)[:, None]
-    grazing = np.cos(turn) * first + np.sin(turn) * second + small[:, None] * targets.normals
+    turn = rng.uniform(0.0, TURN, n)
+    grazing = _across(targets.normals, turn) + small[:, None] * targets.normals
     along = targets.along + small[:, None] * random
-    first, second = two_normals(targets.along)
-    across = np.cos(turn) * first + np.sin(turn) * second + small[:, None] * targets.along
+    across = _across(targets.along, turn) + small[:, None] * targets.along
     modes = rng.integers(4, size=n)
     directions = unit(np.choose(modes[:, None], [random, grazing, along, across]))
     directions *= rng.choice([-1.0, 1.0], n)[:, None]
-    first, second = two_normals(directions)
-    turn = rng.uniform(0.0, 2.0 * np.pi, n)[:, None]
-    aside = np.cos(turn) * first + np.sin(turn) * second
+    aside = _across(directions, rng.uniform(0.0, TURN, n))
     back = _backs(n, k, rng)[:, None]
     size = targets.size
     origins = targets.points + k * size * aside - size * back * directions
@@ -251,17 +248,20 @@ def parallel(targets: Targets, k: float, rng: Random) -> Aimed:
 def away(normals: FloatArray, k: float, rng: Random) -> FloatArray:
     """Return directions that leave points at a cosine of k, to both sides."""
     n = len(normals)
-    first, second = two_normals(normals)
-    turn = rng.uniform(0.0, 2.0 * np.pi, n)[:, None]
-    tangent = np.cos(turn) * first + np.sin(turn) * second
+    tangent = _across(normals, rng.uniform(0.0, TURN, n))
     return unit(tangent + k * rng.choice([-1.0, 1.0], n)[:, None] * normals)
+
+
+def _across(vectors: FloatArray, turn: FloatArray) -> FloatArray:
+    """Return unit vectors perpendicular to some, turned around them."""
+    first, second = two_normals(vectors)
+    found: FloatArray = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * second
+    return found
 
 
 def _tangents(targets: Targets, rng: Random) -> FloatArray:
     n = len(targets.points)
-    first, second = two_normals(targets.normals)
-    turn = rng.uniform(0.0, 2.0 * np.pi, n)[:, None]
-    anyway = np.cos(turn) * first + np.sin(turn) * second
+    anyway = _across(targets.normals, rng.uniform(0.0, TURN, n))
     across = (targets.along * targets.normals).sum(axis=1, keepdims=True)
     along = targets.along - across * targets.normals
     steep = np.linalg.norm(along, axis=1, keepdims=True) < 1e-3

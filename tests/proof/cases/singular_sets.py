@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,23 +12,10 @@ import numpy as np
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.demo import vase
 from hybrid_rt.primitives import Box, Plane, Rectangle, Sphere
-from proof.cases.catalogue import (
-    cuspidal_edge,
-    cylinder,
-    loop_sheet,
-    ring,
-    saddle,
-    square,
-    uneven_patch,
-    wavy_patch,
-)
-from proof.cases.rational_surfaces import (
-    half_pipe,
-    octants,
-    torn_nurbs,
-    weighted_petal,
-)
-from proof.cases.scenes import ellipsoid, torus
+from proof.cases import catalogue, scenes
+from proof.cases import rational_surfaces as rational
+from proof.cases import singular_surfaces as made
+from proof.cases import trimmed_surfaces as trimmed
 from proof.cases.singular_rays import (
     Aimed,
     Finder,
@@ -44,45 +32,8 @@ from proof.cases.singular_rays import (
     seam,
     within,
 )
-from proof.cases.singular_surfaces import (
-    CONE,
-    CYLINDER,
-    DIAMOND,
-    EGG,
-    LENS,
-    PARABOLOID,
-    SPINDLE,
-    asphere,
-    ball,
-    bent_sheet,
-    closed_torus,
-    cube,
-    fan,
-    lathe,
-    lid,
-    lune,
-    part,
-    petal,
-    pinched_corner,
-    rational_ball,
-    rational_torus,
-    roof,
-    skew_box,
-    tilted_flat,
-    uneven_lune,
-    uneven_profile,
-)
-from proof.cases.trimmed_surfaces import (
-    cut_lens,
-    drilled_part,
-    drilled_plate,
-    trim_edges,
-    trimmed_nurbs,
-    trimmed_patch,
-    windowed_ball,
-    windowed_cylinder,
-    windowed_torus,
-)
+from proof.cases.singular_surfaces import lathe
+from proof.cases.trimmed_surfaces import trim_edges
 
 KINDS = ("turned", "patches", "rational", "closed", "mesh")
 DISTANCES = tuple(10.0**-k for k in range(1, 17))
@@ -94,16 +45,20 @@ class SingularSet:
     """One kind of singular set.
 
     ``kind``: one of `KINDS`.
-    ``surfaces``: all except the first are occluders.
+    ``make``: makes the surface.
     ``leaving``: "" for rays that arrive; "beside" for rays that leave hits of such rays any way; "grazing"
     for rays that leave them at a cosine of the distance.
     """
 
     kind: str
-    surfaces: Callable[[], list[Any]]
+    make: Callable[[], Any]
     find: Finder
     aim: Aim = beside
     leaving: str = ""
+
+    def surfaces(self) -> list[Any]:
+        """Return the surface in a list."""
+        return [self.make()]
 
 
 @dataclass(frozen=True)
@@ -135,199 +90,148 @@ PLACEMENTS = {
 }
 
 
-def _turned(name: str, *segments: Any, **more: Any) -> dict[str, SingularSet]:
-    return {name: SingularSet("turned", lathe(*segments), **{"find": poles, **more})}
-
-
-SETS: dict[str, SingularSet] = {
-    # --- turned surfaces
-    **_turned("cone tip", CONE),
-    **_turned("flat cone tip", [(0.0, 0.0), (0.02, 1.0)]),
-    **_turned("needle tip", [(0.0, 0.0), (2.0, 0.01)]),
-    **_turned("lens tips", LENS),
-    **_turned("paraboloid pole", PARABOLOID),
-    **_turned("egg poles", EGG),
-    "ball poles": SingularSet("turned", ball, poles),
-    **_turned("spindle", SPINDLE),
-    **_turned("sharp spindle", [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 1.0)]),
-    **_turned("disc middle", [(0.0, 0.0), (0.0, 1.0)]),
-    **_turned("joint, sharp", *DIAMOND, find=circles(True)),
-    "joint, smooth": SingularSet("turned", lambda: [vase(0, 0, 5)], circles(True)),
-    **_turned("rim", *DIAMOND, find=circles(False)),
-    **_turned("seam", EGG, find=seam),
-    "cylinder, along rulings": SingularSet("turned", lambda: [cylinder()], interior, within),
-    "cylinder, beside rulings": SingularSet("turned", lambda: [cylinder()], interior, parallel),
-    **_turned("cone, along rulings", CONE, find=interior, aim=within),
-    **_turned("cone, beside rulings", CONE, find=interior, aim=parallel),
-    "ring, nearly within": SingularSet("turned", lambda: [ring()], interior, within),
-    "ring, parallel": SingularSet("turned", lambda: [ring()], interior, parallel),
-    "torus, tangents": SingularSet("turned", lambda: [torus()], interior, parallel),
-    "torus, flat circle": SingularSet("turned", lambda: [torus()], circles(True), parallel),
-    "torus, leaving": SingularSet("turned", lambda: [torus()], interior, leaving="grazing"),
-    **_turned("cone tip, leaving", CONE, leaving="beside"),
-    **_turned("paraboloid pole, leaving", PARABOLOID, leaving="beside"),
-    **_turned("joint, leaving", *DIAMOND, find=circles(True), leaving="beside"),
-    "rational torus, tangents": SingularSet(
-        "turned", lambda: [rational_torus()], interior, parallel
-    ),
-    "rational torus, flat circle": SingularSet(
-        "turned", lambda: [rational_torus()], circles(True), parallel
-    ),
-    "rational torus, joints": SingularSet("turned", lambda: [rational_torus()], circles(True)),
-    "rational torus, leaving": SingularSet(
-        "turned", lambda: [rational_torus()], interior, leaving="grazing"
-    ),
-    "rational ball, poles": SingularSet("turned", lambda: [rational_ball()], poles),
-    "part of a cylinder, ends": SingularSet("turned", lambda: [part(CYLINDER, 0.1, 0.6)], edges),
-    "part of a cylinder, within": SingularSet(
-        "turned", lambda: [part(CYLINDER, 0.0, 0.25)], edges, within
-    ),
-    "part of a cone, tip": SingularSet("turned", lambda: [part(CONE, -0.1, 0.7)], poles),
-    "part of a torus, ends": SingularSet(
-        "turned", lambda: [rational_torus((0.3, 0.65))], at_parameters([(0, None), (1, None)], False)
-    ),
-    "part of a torus, tangents": SingularSet(
-        "turned", lambda: [rational_torus((0.3, 1.2))], interior, parallel
-    ),
-    "part, leaving": SingularSet(
-        "turned", lambda: [rational_torus((0.3, 0.65))], edges, leaving="beside"
-    ),
-    "uneven weights": SingularSet("turned", lambda: [uneven_profile()], interior, parallel),
-    "uneven weights, ends": SingularSet("turned", lambda: [uneven_profile()], edges),
-    "windows of a cylinder": SingularSet("turned", lambda: [windowed_cylinder()], trim_edges),
-    "windows, leaving": SingularSet(
-        "turned", lambda: [windowed_cylinder()], trim_edges, leaving="beside"
-    ),
-    "drilled part, edges": SingularSet("turned", lambda: [drilled_part()], trim_edges),
-    # --- patches
-    "apex of the lid": SingularSet("patches", lambda: [lid()], collapsed),
-    "collapsed edge": SingularSet("patches", lambda: [petal()], collapsed),
-    "lune": SingularSet("patches", lambda: [lune()], collapsed),
-    "uneven lune": SingularSet("patches", lambda: [uneven_lune()], collapsed),
-    "pinched corner": SingularSet(
-        "patches", lambda: [pinched_corner()], at_parameters([(0.0, 0.0)], True)
-    ),
-    "patch corners": SingularSet(
-        "patches",
-        lambda: [petal()],
-        at_parameters([(a, b) for a in (0.0, 1.0) for b in (0.0, 1.0)], True),
-    ),
-    "shared edge, smooth": SingularSet(
-        "patches", lambda: [bent_sheet()], at_parameters([(0.0, None), (1.0, None)], False)
-    ),
-    "shared edge, sharp": SingularSet(
-        "patches", lambda: [roof()], at_parameters([(0.0, None)], False)
-    ),
-    "edges of the lid": SingularSet("patches", lambda: [lid()], edges),
-    "edges of a cube of patches": SingularSet("patches", lambda: [cube()], edges),
-    "open border": SingularSet("patches", lambda: [saddle()], edges),
-    "cuspidal edge": SingularSet(
-        "patches", lambda: [cuspidal_edge()], at_parameters([(0.5, None)], False)
-    ),
-    "self-crossing": SingularSet("patches", lambda: [loop_sheet()], edges),
-    "flat patch, nearly within": SingularSet("patches", lambda: [square()], interior, within),
-    "flat patch, parallel": SingularSet("patches", lambda: [square()], interior, parallel),
-    "flat bicubic, nearly within": SingularSet(
-        "patches", lambda: [tilted_flat()], interior, within
-    ),
-    "flat bicubic, parallel": SingularSet("patches", lambda: [tilted_flat()], interior, parallel),
-    "rulings, nearly within": SingularSet("patches", lambda: [saddle()], interior, within),
-    "rulings, parallel": SingularSet("patches", lambda: [saddle()], interior, parallel),
-    "uneven patch corner": SingularSet(
-        "patches", lambda: [uneven_patch()], at_parameters([(0.0, 0.0)], True)
-    ),
-    "wavy patch, tangents": SingularSet("patches", lambda: [wavy_patch()], interior, parallel),
-    "patch tangents": SingularSet("patches", lambda: [bent_sheet()], interior, parallel),
-    "patches, leaving": SingularSet(
-        "patches", lambda: [bent_sheet()], interior, leaving="grazing"
-    ),
-    "apex, leaving": SingularSet("patches", lambda: [lid()], collapsed, leaving="beside"),
-    "shared edge, leaving": SingularSet(
-        "patches", lambda: [roof()], at_parameters([(0.0, None)], False), leaving="beside"
-    ),
-    "trimmed patch, edges": SingularSet("patches", lambda: [trimmed_patch()], trim_edges),
-    "trimmed patch, leaving": SingularSet(
-        "patches", lambda: [trimmed_patch()], trim_edges, leaving="beside"
-    ),
-    # --- rational patches
-    "rational poles": SingularSet("rational", lambda: [octants()], collapsed),
-    "rational seams": SingularSet("rational", lambda: [octants()], edges),
-    "rational tangents": SingularSet("rational", lambda: [octants()], interior, parallel),
-    "rational, leaving": SingularSet(
-        "rational", lambda: [octants()], interior, leaving="grazing"
-    ),
-    "rational rulings": SingularSet("rational", lambda: [half_pipe()], interior, within),
-    "rational collapsed edges": SingularSet("rational", lambda: [weighted_petal()], collapsed),
-    "breaks and creases of NURBS": SingularSet("rational", lambda: [torn_nurbs()], edges),
-    "holes of NURBS": SingularSet("rational", lambda: [trimmed_nurbs()], trim_edges),
-    # --- closed forms
-    "sphere, tangents": SingularSet(
-        "closed", lambda: [Sphere((0.3, 0.2, 0.1), 0.37)], interior, parallel
-    ),
-    "sphere, leaving": SingularSet(
-        "closed", lambda: [Sphere((0.3, 0.2, 0.1), 0.37)], interior, leaving="grazing"
-    ),
-    "sphere on 0, leaving": SingularSet(
-        "closed", lambda: [Sphere((0.0, 1.0, 0.0), 1.0)], interior, leaving="beside"
-    ),
-    "ground, leaving": SingularSet(
-        "closed", lambda: [Sphere((0.0, -1000.0, 0.0), 1000.0)], interior, leaving="beside"
-    ),
-    "rectangle rim": SingularSet(
-        "closed", lambda: [Rectangle((-2, -2, -1.2), (4, 0.3, 0), (0, 4, 0.2))], edges
-    ),
-    "rectangle, nearly within": SingularSet(
-        "closed", lambda: [Rectangle((-2, -2, -1.2), (4, 0.3, 0), (0, 4, 0.2))], interior, within
-    ),
-    "rectangle, parallel": SingularSet(
-        "closed", lambda: [Rectangle((-2, -2, -1.2), (4, 0.3, 0), (0, 4, 0.2))], interior, parallel
-    ),
-    "drilled plate, edges": SingularSet("closed", lambda: [drilled_plate()], trim_edges),
-    "drilled plate, nearly within": SingularSet(
-        "closed", lambda: [drilled_plate()], trim_edges, within
-    ),
-    "windows of a ball": SingularSet("closed", lambda: [windowed_ball()], trim_edges),
-    "windows of a ball, leaving": SingularSet(
-        "closed", lambda: [windowed_ball()], trim_edges, leaving="beside"
-    ),
-    "windows of a torus": SingularSet("closed", lambda: [windowed_torus()], trim_edges),
-    "cut lens, edges": SingularSet("closed", lambda: [cut_lens()], trim_edges),
-    "plane, nearly within": SingularSet(
-        "closed", lambda: [Plane((0, 0, -1.3), (0.1, 0.2, 1))], interior, within
-    ),
-    "box edges and corners": SingularSet(
-        "closed", lambda: [Box((-2, -0.5, -0.5), (-1.2, 0.5, 0.7))], edges),
-    "box faces, nearly within": SingularSet(
-        "closed", lambda: [Box((-2, -0.5, -0.5), (-1.2, 0.5, 0.7))], interior, within),
-    "box faces, parallel": SingularSet(
-        "closed", lambda: [Box((-2, -0.5, -0.5), (-1.2, 0.5, 0.7))], interior, parallel),
-    "box, leaving": SingularSet(
-        "closed", lambda: [Box((-2, -0.5, -0.5), (-1.2, 0.5, 0.7))], interior, leaving="grazing"),
-    "skew box, edges and corners": SingularSet("closed", lambda: [skew_box()], edges),
-    "skew box, nearly within": SingularSet("closed", lambda: [skew_box()], interior, within),
-    "skew box, leaving": SingularSet("closed", lambda: [skew_box()], interior, leaving="grazing"),
-    "closed torus, tangents": SingularSet("closed", lambda: [closed_torus()], interior, parallel),
-    "closed torus, flat circle": SingularSet(
-        "closed", lambda: [closed_torus()], at_parameters([(None, 0.25), (None, 0.75)], True), parallel
-    ),
-    "closed torus, equators": SingularSet(
-        "closed", lambda: [closed_torus()], at_parameters([(None, 0.0), (None, 0.5)], True)
-    ),
-    "closed torus, leaving": SingularSet(
-        "closed", lambda: [closed_torus()], interior, leaving="grazing"
-    ),
-    "asphere, rim": SingularSet(
-        "closed", lambda: [asphere()], at_parameters([(None, 1.0)], True)
-    ),
-    "asphere, vertex": SingularSet(
-        "closed", lambda: [asphere()], at_parameters([(0.0, 0.0)], False)
-    ),
-    "asphere, tangents": SingularSet("closed", lambda: [asphere()], interior, parallel),
-    "asphere, leaving": SingularSet("closed", lambda: [asphere()], interior, leaving="grazing"),
-    # --- meshes
-    "mesh edges and vertices": SingularSet("mesh", lambda: [ellipsoid()], edges),
-    "open mesh, edges": SingularSet("mesh", lambda: [fan()], edges),
-    "open mesh, nearly within": SingularSet("mesh", lambda: [fan()], interior, within),
-    "open mesh, parallel": SingularSet("mesh", lambda: [fan()], interior, parallel),
-    "mesh, leaving": SingularSet("mesh", lambda: [ellipsoid()], interior, leaving="grazing"),
+SMALL_BALL = partial(Sphere, (0.3, 0.2, 0.1), 0.37)
+LEVEL = partial(Rectangle, (-2, -2, -1.2), (4, 0.3, 0), (0, 4, 0.2))
+PLANE = partial(Plane, (0, 0, -1.3), (0.1, 0.2, 1))
+UPRIGHT = partial(Box, (-2, -0.5, -0.5), (-1.2, 0.5, 0.7))
+RING_PART = partial(made.rational_torus, (0.3, 0.65))
+AT_0, U_BORDERS = (
+    at_parameters([(0.0, 0.0)], True),
+    at_parameters([(0.0, None), (1.0, None)], False),
+)
+U_0, AT_RIM = at_parameters([(0.0, None)], False), at_parameters([(None, 1.0)], True)
+# Of each kind: what makes the surface, where its singular set is, how rays are aimed, how they leave.
+ENTRIES: dict[str, dict[str, Iterable[Any]]] = {
+    "turned": {
+        "cone tip": (lathe(made.CONE), poles),
+        "flat cone tip": (lathe([(0.0, 0.0), (0.02, 1.0)]), poles),
+        "needle tip": (lathe([(0.0, 0.0), (2.0, 0.01)]), poles),
+        "lens tips": (lathe(made.LENS), poles),
+        "paraboloid pole": (lathe(made.PARABOLOID), poles),
+        "egg poles": (lathe(made.EGG), poles),
+        "ball poles": (made.ball, poles),
+        "spindle": (lathe(made.SPINDLE), poles),
+        "sharp spindle": (lathe([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 1.0)]), poles),
+        "disc middle": (lathe([(0.0, 0.0), (0.0, 1.0)]), poles),
+        "joint, sharp": (lathe(*made.DIAMOND), circles(True)),
+        "joint, smooth": (partial(vase, 0, 0, 5), circles(True)),
+        "rim": (lathe(*made.DIAMOND), circles(False)),
+        "seam": (lathe(made.EGG), seam),
+        "cylinder, along rulings": (catalogue.cylinder, interior, within),
+        "cylinder, beside rulings": (catalogue.cylinder, interior, parallel),
+        "cone, along rulings": (lathe(made.CONE), interior, within),
+        "cone, beside rulings": (lathe(made.CONE), interior, parallel),
+        "ring, nearly within": (catalogue.ring, interior, within),
+        "ring, parallel": (catalogue.ring, interior, parallel),
+        "torus, tangents": (scenes.torus, interior, parallel),
+        "torus, flat circle": (scenes.torus, circles(True), parallel),
+        "torus, leaving": (scenes.torus, interior, beside, "grazing"),
+        "cone tip, leaving": (lathe(made.CONE), poles, beside, "beside"),
+        "paraboloid pole, leaving": (lathe(made.PARABOLOID), poles, beside, "beside"),
+        "joint, leaving": (lathe(*made.DIAMOND), circles(True), beside, "beside"),
+        "rational torus, tangents": (made.rational_torus, interior, parallel),
+        "rational torus, flat circle": (made.rational_torus, circles(True), parallel),
+        "rational torus, joints": (made.rational_torus, circles(True)),
+        "rational torus, leaving": (made.rational_torus, interior, beside, "grazing"),
+        "rational ball, poles": (made.rational_ball, poles),
+        "part of a cylinder, ends": (partial(made.part, made.CYLINDER, 0.1, 0.6), edges),
+        "part of a cylinder, within": (partial(made.part, made.CYLINDER, 0.0, 0.25), edges, within),
+        "part of a cone, tip": (partial(made.part, made.CONE, -0.1, 0.7), poles),
+        "part of a torus, ends": (RING_PART, at_parameters([(0, None), (1, None)], False)),
+        "part of a torus, tangents": (partial(made.rational_torus, (0.3, 1.2)), interior, parallel),
+        "part, leaving": (RING_PART, edges, beside, "beside"),
+        "uneven weights": (made.uneven_profile, interior, parallel),
+        "uneven weights, ends": (made.uneven_profile, edges),
+        "windows of a cylinder": (trimmed.windowed_cylinder, trim_edges),
+        "windows, leaving": (trimmed.windowed_cylinder, trim_edges, beside, "beside"),
+        "drilled part, edges": (trimmed.drilled_part, trim_edges),
+    },
+    "patches": {
+        "apex of the lid": (made.lid, collapsed),
+        "collapsed edge": (made.petal, collapsed),
+        "lune": (made.lune, collapsed),
+        "uneven lune": (made.uneven_lune, collapsed),
+        "pinched corner": (made.pinched_corner, AT_0),
+        "patch corners": (
+            made.petal, at_parameters([(a, b) for a in (0.0, 1.0) for b in (0.0, 1.0)], True),
+        ),
+        "shared edge, smooth": (made.bent_sheet, U_BORDERS),
+        "shared edge, sharp": (made.roof, U_0),
+        "edges of the lid": (made.lid, edges),
+        "edges of a cube of patches": (made.cube, edges),
+        "open border": (catalogue.saddle, edges),
+        "cuspidal edge": (catalogue.cuspidal_edge, at_parameters([(0.5, None)], False)),
+        "self-crossing": (catalogue.loop_sheet, edges),
+        "flat patch, nearly within": (catalogue.square, interior, within),
+        "flat patch, parallel": (catalogue.square, interior, parallel),
+        "flat bicubic, nearly within": (made.tilted_flat, interior, within),
+        "flat bicubic, parallel": (made.tilted_flat, interior, parallel),
+        "rulings, nearly within": (catalogue.saddle, interior, within),
+        "rulings, parallel": (catalogue.saddle, interior, parallel),
+        "uneven patch corner": (catalogue.uneven_patch, AT_0),
+        "wavy patch, tangents": (catalogue.wavy_patch, interior, parallel),
+        "patch tangents": (made.bent_sheet, interior, parallel),
+        "patches, leaving": (made.bent_sheet, interior, beside, "grazing"),
+        "apex, leaving": (made.lid, collapsed, beside, "beside"),
+        "shared edge, leaving": (made.roof, U_0, beside, "beside"),
+        "trimmed patch, edges": (trimmed.trimmed_patch, trim_edges),
+        "trimmed patch, leaving": (trimmed.trimmed_patch, trim_edges, beside, "beside"),
+    },
+    "rational": {
+        "rational poles": (rational.octants, collapsed),
+        "rational seams": (rational.octants, edges),
+        "rational tangents": (rational.octants, interior, parallel),
+        "rational, leaving": (rational.octants, interior, beside, "grazing"),
+        "rational rulings": (rational.half_pipe, interior, within),
+        "rational collapsed edges": (rational.weighted_petal, collapsed),
+        "breaks and creases of NURBS": (rational.torn_nurbs, edges),
+        "holes of NURBS": (trimmed.trimmed_nurbs, trim_edges),
+    },
+    "closed": {
+        "sphere, tangents": (SMALL_BALL, interior, parallel),
+        "sphere, leaving": (SMALL_BALL, interior, beside, "grazing"),
+        "sphere on 0, leaving": (partial(Sphere, (0.0, 1.0, 0.0), 1.0), interior, beside, "beside"),
+        "ground, leaving": (partial(Sphere, (0.0, -1e3, 0.0), 1e3), interior, beside, "beside"),
+        "rectangle rim": (LEVEL, edges),
+        "rectangle, nearly within": (LEVEL, interior, within),
+        "rectangle, parallel": (LEVEL, interior, parallel),
+        "drilled plate, edges": (trimmed.drilled_plate, trim_edges),
+        "drilled plate, nearly within": (trimmed.drilled_plate, trim_edges, within),
+        "windows of a ball": (trimmed.windowed_ball, trim_edges),
+        "windows of a ball, leaving": (trimmed.windowed_ball, trim_edges, beside, "beside"),
+        "windows of a torus": (trimmed.windowed_torus, trim_edges),
+        "cut lens, edges": (trimmed.cut_lens, trim_edges),
+        "plane, nearly within": (PLANE, interior, within),
+        "box edges and corners": (UPRIGHT, edges),
+        "box faces, nearly within": (UPRIGHT, interior, within),
+        "box faces, parallel": (UPRIGHT, interior, parallel),
+        "box, leaving": (UPRIGHT, interior, beside, "grazing"),
+        "skew box, edges and corners": (made.skew_box, edges),
+        "skew box, nearly within": (made.skew_box, interior, within),
+        "skew box, leaving": (made.skew_box, interior, beside, "grazing"),
+        "closed torus, tangents": (made.closed_torus, interior, parallel),
+        "closed torus, flat circle": (
+            made.closed_torus, at_parameters([(None, 0.25), (None, 0.75)], True), parallel,
+        ),
+        "closed torus, equators": (
+            made.closed_torus, at_parameters([(None, 0.0), (None, 0.5)], True),
+        ),
+        "closed torus, leaving": (made.closed_torus, interior, beside, "grazing"),
+        "asphere, rim": (made.asphere, AT_RIM),
+        "asphere, vertex": (made.asphere, at_parameters([(0.0, 0.0)], False)),
+        "asphere, tangents": (made.asphere, interior, parallel),
+        "asphere, leaving": (made.asphere, interior, beside, "grazing"),
+    },
+    "mesh": {
+        "mesh edges and vertices": (scenes.ellipsoid, edges),
+        "open mesh, edges": (made.fan, edges),
+        "open mesh, nearly within": (made.fan, interior, within),
+        "open mesh, parallel": (made.fan, interior, parallel),
+        "mesh, leaving": (scenes.ellipsoid, interior, beside, "grazing"),
+    },
 }  # fmt: skip
+SETS = {
+    name: SingularSet(kind, *entry)
+    for kind, entries in ENTRIES.items()
+    for name, entry in entries.items()
+}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,16 +21,16 @@ ZERO = (0.0, 0.0, 0.0)
 ARC = 0.5522847498307936
 
 
-def lathe(*segments: Any) -> Callable[[], list[Any]]:
+def lathe(*segments: Any) -> Callable[[], SurfaceOfRevolution]:
     """Return what makes a surface turned about z from profile segments."""
-    return lambda: [SurfaceOfRevolution(list(segments), ZERO, Z)]
+    return partial(SurfaceOfRevolution, list(segments), ZERO, Z)
 
 
-def ball() -> list[Any]:
+def ball() -> SurfaceOfRevolution:
     """Return two quarter circles, nearly a sphere of radius 1."""
     low = [(-1.0, 0.0), (-1.0, ARC), (-ARC, 1.0), (0.0, 1.0)]
     high = [(-z, r) for z, r in reversed(low)]
-    return [SurfaceOfRevolution([low, high], ZERO, Z)]
+    return SurfaceOfRevolution([low, high], ZERO, Z)
 
 
 def rational_torus(u_range: tuple[float, float] = (0.0, 1.0)) -> SurfaceOfRevolution:

@@ -16,13 +16,20 @@ from typing import Any
 
 import flint
 
-from proof.exact.crossings import Ball, Polynomial, Rational, bits, dot, rational, value
+from proof.exact.crossings import (
+    Ball,
+    Polynomial,
+    Rational,
+    bits,
+    cross,
+    dot,
+    is_narrow,
+    precisions,
+    rational,
+    value,
+)
 
-# Bits of balls; four times as many while roots are not narrow.
-BITS, LAST_BITS = 192, 1 << 14
 AXIS_BITS = 300
-# Roots are known to this part of |t| or of the size over |d|.
-NARROW = 2.0**-84
 # Pairs of roots that are farther apart than this, over the size, touch nothing.
 TOUCHING = 1e-2
 # Places farther beyond the rim than this, over the size, are left out.
@@ -33,7 +40,6 @@ BESIDE_RIM = 1e-3
 class Root:
     """A place where a ray meets the sag, or nearly does.
 
-    ``radius``: distance from the axis.
     ``cosine``: |n.d| / |d|.
     ``gap``: distance of the ray from the surface where it is nearest; 0 of a root.
     ``depth``: how far the ray would have to be moved for this root and the next one to be one, or none.
@@ -43,7 +49,6 @@ class Root:
     """
 
     t: Ball
-    radius: float
     cosine: float
     gap: float
     depth: float
@@ -87,19 +92,14 @@ class AsphereRoots:
         if self._radius is not None:
             whole = w + self._factor * rest * rest - 2 * self._radius * rest
         length = math.sqrt(float(dot(d, d)))
-        number = BITS
-        while number <= LAST_BITS:
+        scale = self._size / length
+        for number in precisions():
             with bits(number):
                 roots = whole.numer().complex_roots() if whole.degree() > 0 else []
-                if all(self._is_narrow(root, length) for root, _ in roots):
+                if all(is_narrow(x, scale) for root, _ in roots for x in (root.real, root.imag)):
                     found = self._places(roots, z, w, rest, away, d, length)
                     return [replace(place, t=begin + place.t) for place in found]
-            number *= 4
         raise ArithmeticError("roots that cannot be narrowed")
-
-    def _is_narrow(self, root: Any, length: float) -> bool:
-        most = NARROW * max(abs(float(root.real.mid())), self._size / length)
-        return bool(root.real.rad() <= most) and bool(root.imag.rad() <= most)
 
     def _places(
         self, roots: list[Any], z: Any, w: Any, rest: Any, away: Any, d: Any, length: float
@@ -159,7 +159,6 @@ class AsphereRoots:
         point = [x + t * y for x, y in zip(away, d, strict=True)]
         return Root(
             t=t,
-            radius=radius,
             cosine=abs(float((slope / size).mid())) / length,
             gap=0.0 if is_root else abs(float((gap / size).mid())),
             depth=math.inf if times == 1 else 0.0,
@@ -182,16 +181,7 @@ class AsphereRoots:
         if not rho > 0:
             return math.inf
         out = [x / rho for x in out]
-        along = [
-            self.axis[1] * out[2] - self.axis[2] * out[1],
-            self.axis[2] * out[0] - self.axis[0] * out[2],
-            self.axis[0] * out[1] - self.axis[1] * out[0],
-        ]
-        across = [
-            d[1] * along[2] - d[2] * along[1],
-            d[2] * along[0] - d[0] * along[2],
-            d[0] * along[1] - d[1] * along[0],
-        ]
+        across = cross(d, cross(self.axis, out))
         size = float(dot(across, across).sqrt().mid())
         beside = rho - self._rim
         height = beside * slope + lift

@@ -16,6 +16,9 @@ from itertools import pairwise
 from typing import Any
 
 import flint
+import numpy as np
+
+from hybrid_rt.core.records import FloatArray
 
 # Numbers of flint, which has no types: rationals, balls, polynomials.
 Rational = Any
@@ -27,6 +30,8 @@ RationalVector = Sequence[Rational]
 FIRST_BITS, LAST_BITS = 192, 1 << 14
 # t of a crossing is known to this part of max(|t|, 1 / |d|, |o|): some thirty bits beyond float64.
 NARROW = 2.0**-84
+# Hulls keep so far from a ray, in parts of their largest number, that rounding does not count.
+CLEAR = 1e-9
 
 POINT, ALONG, OPEN, EITHER = "point", "along", "open", "either"
 
@@ -189,6 +194,20 @@ def on_curve(points: Sequence[RationalVector], x: Rational) -> list[Rational]:
         weight = math.comb(n, k) * x**k * y ** (n - k)
         total = [a + weight * b for a, b in zip(total, point, strict=True)]
     return total
+
+
+def near(hulls: FloatArray, o: RationalVector, d: RationalVector) -> list[int]:
+    """Return which of the hulls of points (n, m, 3) a ray may meet, by float64 far beyond rounding."""
+    origin, way = (np.array([float(x) for x in vector]) for vector in (o, d))
+    k = int(np.abs(way).argmax())
+    away = hulls - origin
+    margin = CLEAR * (np.abs(hulls).max(axis=(1, 2)) + np.abs(origin).max()) * abs(way[k])
+    is_near = np.ones(len(hulls), np.bool_)
+    for c in ((k + 1) % 3, (k + 2) % 3):
+        f = way[k] * away[:, :, c] - way[c] * away[:, :, k]
+        is_near &= (f.min(axis=1) <= margin) & (f.max(axis=1) >= -margin)
+    found: list[int] = np.flatnonzero(is_near).tolist()
+    return found
 
 
 def turns(y: Ball, x: Ball) -> Ball:

@@ -1,4 +1,4 @@
-"""Flat faces in fractions: parallelograms, triangles, faces of boxes along the axes."""
+"""Flat faces in fractions: parallelograms and triangles."""
 
 from __future__ import annotations
 
@@ -18,8 +18,6 @@ from proof.exact.crossings import (
     cross,
     dot,
     norm,
-    rational,
-    rationals,
 )
 
 
@@ -28,7 +26,10 @@ class Face:
 
     def __init__(self, number: int, corner: Any, edge_u: Any, edge_v: Any, half: bool) -> None:
         self.number, self.half = number, half
-        self.corner, self.edge_u, self.edge_v = (_exact(x) for x in (corner, edge_u, edge_v))
+        self.corner, self.edge_u, self.edge_v = (
+            [flint.fmpq(x.numerator, x.denominator) for x in vector]
+            for vector in (corner, edge_u, edge_v)
+        )
         self.normal = cross(self.edge_u, self.edge_v)
 
     def crossings(self, o: RationalVector, d: RationalVector) -> list[Crossing]:
@@ -81,11 +82,8 @@ class Face:
         (u0, v0), (u1, v1) = place(away), place(d)
         low = high = None
         starts, slopes = self._sides(u0, v0), self._sides(u1, v1)
-        if self.half:
-            slopes[2] -= 1
-        else:
-            slopes[2] -= 1
-            slopes[3] -= 1
+        # Sides of u and v end at 1, which has no slope.
+        slopes[2:] = [slope - 1 for slope in slopes[2:]]
         for start, slope in zip(starts, slopes, strict=True):
             if slope == 0:
                 if start < 0:
@@ -106,48 +104,3 @@ class Face:
                 None if kind == POINT else ball_of(high),
             )
         ]  # fmt: skip
-
-
-class BoxFace:
-    """One face of a box along the axes."""
-
-    def __init__(self, number: int, axis: int, lo: Any, hi: Any) -> None:
-        self.number, self.axis = number, axis
-        self.lo, self.hi = rationals(lo), rationals(hi)
-        self.at = (self.hi if number % 2 else self.lo)[axis]
-
-    def crossings(self, o: RationalVector, d: RationalVector) -> list[Crossing]:
-        """Return the crossing, or the stretch within the face."""
-        gap = self.at - o[self.axis]
-        others = [c for c in range(3) if c != self.axis]
-        if d[self.axis] == 0:
-            return [] if gap != 0 else self._within(o, d, others)
-        t = gap / d[self.axis]
-        to_edge = math.inf
-        for c in others:
-            p = o[c] + t * d[c]
-            if not self.lo[c] <= p <= self.hi[c]:
-                return []
-            # The edge runs along the third axis; the ray is moved across both.
-            share = abs(float(d[self.axis])) / math.hypot(float(d[self.axis]), float(d[c]))
-            to_edge = min(to_edge, float(min(p - self.lo[c], self.hi[c] - p)) * share)
-        cosine = abs(float(d[self.axis])) / norm([float(x) for x in d])
-        return [Crossing(ball_of(t), self.number, 0.0, 0.0, cosine, to_edge=to_edge)]
-
-    def _within(self, o: RationalVector, d: RationalVector, others: list[int]) -> list[Crossing]:
-        low = high = None
-        for c in others:
-            if d[c] == 0:
-                if not self.lo[c] <= o[c] <= self.hi[c]:
-                    return []
-                continue
-            a, b = sorted([(self.lo[c] - o[c]) / d[c], (self.hi[c] - o[c]) / d[c]])
-            low = a if low is None or a > low else low
-            high = b if high is None or b < high else high
-        if low is None or high is None or low > high:
-            return []
-        return [Crossing(ball_of(low), self.number, 0.0, 0.0, 0.0, ALONG, ball_of(high))]
-
-
-def _exact(values: Any) -> list[Rational]:
-    return [x if isinstance(x, flint.fmpq) else rational(x) for x in values]

@@ -66,7 +66,7 @@ def _quarters(arc: tuple[list[float], list[float], list[float]], u: Any, v: Any)
     """Return by how many quarter planes an arc goes around a point, counterclockwise."""
     xs, ys, ws = arc
     sides_u, sides_v = _sides(xs, u), _sides(ys, v)
-    if _are_one(set(sides_u)) or _are_one(set(sides_v)):
+    if _is_beside(sides_u) or _is_beside(sides_v):
         return _step((sides_u[0], sides_v[0]), (sides_u[-1], sides_v[-1]))
     at_u, at_v = Fraction(u), Fraction(v)
     exact = [
@@ -95,21 +95,13 @@ def _sides(numbers: list[float], other: Any) -> list[int]:
     compared with that one float only.
     """
     near = float(other)
-    return [_side(x, near) if x != near else _side(x, other) for x in numbers]
-
-
-def _side(number: Any, other: Any) -> int:
-    """Return the sign of a difference, exactly."""
-    return int(number > other) - int(number < other)
-
-
-def _are_one(signs: set[int]) -> bool:
-    return signs in ({1}, {-1})
+    limits = [near if x != near else other for x in numbers]
+    return [int(x > limit) - int(x < limit) for x, limit in zip(numbers, limits, strict=True)]
 
 
 def _is_beside(numbers: list[int]) -> bool:
     """Tell whether all numbers are above zero, or all below."""
-    return _are_one({_side(number, 0) for number in numbers})
+    return min(numbers) > 0 or max(numbers) < 0
 
 
 def _step(one: tuple[Any, Any], other: tuple[Any, Any]) -> int:

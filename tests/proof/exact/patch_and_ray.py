@@ -66,22 +66,16 @@ class Net:
     def __init__(self, number: int, net: FloatArray, rest: FloatArray, weights: FloatArray) -> None:
         self.number, self.shape = number, net.shape[:2]
         self.low, self.high = net.min(axis=(0, 1)), net.max(axis=(0, 1))
-        w = [rationals(row) for row in weights]
-        rows = [
-            [
-                [a + b for a, b in zip(rationals(point), rationals(left), strict=True)]
-                for point, left in zip(row, of_row, strict=True)
-            ]
-            for row, of_row in zip(net, rest, strict=True)
-        ]
         tables = [
             [
-                [x * point[c] for x, point in zip(line, row, strict=True)]
-                for line, row in zip(w, rows, strict=True)
+                [rational(w) * (rational(x) + rational(y)) for w, x, y in zip(*rows, strict=True)]
+                for rows in zip(weights, net[..., c], rest[..., c], strict=True)
             ]
             for c in range(3)
         ]
-        self.columns = [flint.fmpq_mat(table) for table in (*tables, w)]
+        self.columns = [
+            flint.fmpq_mat(table) for table in (*tables, [rationals(row) for row in weights])
+        ]
 
     @cached_property
     def whole(self) -> list[tuple[Matrix, Any]]:
@@ -117,8 +111,7 @@ class PatchAndRay:
         denominator = max(f_below, g_below)  # powers of two
         self.f = (f * (denominator // f_below)).tolist()
         self.g = (g * (denominator // g_below)).tolist()
-        largest = max(abs(x) for table in (self.f, self.g) for row in table for x in row)
-        self.largest = largest
+        self.largest = max(abs(x) for table in (self.f, self.g) for row in table for x in row)
         # t to be known to a part of this.
         start = [float(x) for x in o]
         reach = max(np.abs(net.low - start).max(), np.abs(net.high - start).max())
@@ -190,12 +183,9 @@ class PatchAndRay:
             ([row[-1] for row in one], lambda x: (x, all_of_it)),
         ):
             polynomial = flint.fmpq_poly(power_form(edge))
-            if polynomial.is_zero():
-                ends += [(*place(flint.arb(x)), self._t(*place(flint.arb(x)))) for x in (0, 1)]
-                continue
-            for x in roots_from_0_to_1(polynomial, ROOT_BITS):
-                u, v = place(x)
-                ends.append((u, v, self._t(u, v)))
+            is_on_it = polynomial.is_zero()
+            xs = (none, all_of_it) if is_on_it else roots_from_0_to_1(polynomial, ROOT_BITS)
+            ends += [(*place(x), self._t(*place(x))) for x in xs]
         if not ends:
             return []
         ends.sort(key=lambda end: float(end[2].mid()))
@@ -263,7 +253,7 @@ class PatchAndRay:
         to_edge = math.inf
         for x, other in ((u, along_v), (v, along_u)):
             across = _length(cross(other, d))
-            to_edge = min(to_edge, _ratio(abs(min(x, 1 - x)) * det, across) if across > 0 else 0.0)
+            to_edge = min(to_edge, float(abs(min(x, 1 - x)) * det / across) if across > 0 else 0.0)
         return Crossing(
             t,
             self.net.number,
@@ -293,29 +283,23 @@ class PatchAndRay:
 
     def _left_open(self, pieces: list[Piece]) -> Crossing:
         """Return one crossing for all that was left open."""
-        low = high = None
-        for piece in pieces:
-            u = flint.arb(flint.fmpq(2 * piece.a + 1, 2 << piece.m), 0.5 ** (piece.m + 1))
-            v = flint.arb(flint.fmpq(2 * piece.b + 1, 2 << piece.n), 0.5 ** (piece.n + 1))
-            t = self._t(u, v)
-            low = t if low is None or t.lower() < low.lower() else low
-            high = t if high is None or t.upper() > high.upper() else high
-        assert low is not None
-        assert high is not None
+        ts = [
+            self._t(
+                flint.arb(flint.fmpq(2 * piece.a + 1, 2 << piece.m), 0.5 ** (piece.m + 1)),
+                flint.arb(flint.fmpq(2 * piece.b + 1, 2 << piece.n), 0.5 ** (piece.n + 1)),
+            )
+            for piece in pieces
+        ]
         one = pieces[0]
         return Crossing(
-            flint.arb(low.lower()),
+            min(t.lower() for t in ts),
             self.net.number,
             (one.a + 0.5) / 2.0**one.m,
             (one.b + 0.5) / 2.0**one.n,
             0.0,
             OPEN,
-            flint.arb(high.upper()),
+            max(t.upper() for t in ts),
         )
-
-
-def _ratio(a: Rational, b: Rational) -> float:
-    return float(a / b)
 
 
 def _length(a: list[Rational]) -> Rational:

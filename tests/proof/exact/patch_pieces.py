@@ -77,9 +77,9 @@ def _part(degree: int, a: int, m: int) -> Matrix:
 def restricted(piece: Piece, a: int, i: int, b: int, j: int) -> Piece:
     """Return a part of a piece: u from a / 2^i to (a + 1) / 2^i of it, and so on."""
     mu, nv = piece.both.nrows() - 1, piece.both.ncols() // 2 - 1
-    both = _part(mu, a, i) * piece.both
+    both = _part(mu, a, i) * piece.both if i else piece.both
     if j:
-        both = both * _twice(_part(nv, b, j))
+        both = both * _part_across(nv, b, j)
     return Piece(both, (piece.a << i) + a, piece.m + i, (piece.b << j) + b, piece.n + j)
 
 
@@ -93,10 +93,9 @@ def _twice(matrix: Matrix) -> Matrix:
     return flint.fmpz_mat(wide)
 
 
-@lru_cache(maxsize=256)
-def _halves_across(degree: int) -> tuple[Matrix, Matrix]:
-    lower, upper = _halves(degree)
-    return _twice(lower), _twice(upper)
+@lru_cache(maxsize=4096)
+def _part_across(degree: int, a: int, m: int) -> Matrix:
+    return _twice(_part(degree, a, m))
 
 
 @lru_cache(maxsize=64)
@@ -116,16 +115,8 @@ def halved(piece: Piece) -> list[Piece]:
         for d in (differences(degree),)
     ]  # fmt: skip
     if nv == 0 or along[0] >= along[1]:
-        lower, upper = (half * piece.both for half in _halves(mu))
-        return [
-            Piece(lower, 2 * piece.a, piece.m + 1, piece.b, piece.n),
-            Piece(upper, 2 * piece.a + 1, piece.m + 1, piece.b, piece.n),
-        ]
-    lower, upper = (piece.both * half for half in _halves_across(nv))
-    return [
-        Piece(lower, piece.a, piece.m, 2 * piece.b, piece.n + 1),
-        Piece(upper, piece.a, piece.m, 2 * piece.b + 1, piece.n + 1),
-    ]
+        return [restricted(piece, k, 1, 0, 0) for k in (0, 1)]
+    return [restricted(piece, 0, 0, k, 1) for k in (0, 1)]
 
 
 def split_in_two(both: Matrix) -> tuple[Matrix, Matrix]:

@@ -10,9 +10,7 @@ from typing import Any
 import flint
 
 from proof.exact.bernstein_sums import values_at
-from proof.exact.crossings import (
-    Rational,
-)
+from proof.exact.crossings import Rational
 from proof.exact.patch_pieces import (
     Matrix,
     Piece,
@@ -40,21 +38,20 @@ def settled(piece: Piece) -> list[Any] | None:
     det = j00 * j11 - j01 * j10
     if det == 0:
         return None
-    q = max(
-        _turn(j11 * ga - j01 * gb, mu, nv, det, True),
-        _turn(j00 * gb - j10 * ga, mu, nv, det, False),
-    )
+    # The rows of F, times det / ((mu + 1) (nv + 1)).
+    one, two = j11 * ga - j01 * gb, j00 * gb - j10 * ga
+    scale = flint.fmpq((mu + 1) * (nv + 1), abs(det))
+    q = max(_turn(one, mu, nv, det, True), _turn(two, mu, nv, det, False))
     if q > MOST_TURN:
         return None
     # In units of the grown piece, 5/4 of the piece; from the middle, 1/2.
     point = flint.fmpq(1, 2), flint.fmpq(1, 2)
-    fu, fv = _moved(ga, gb, (j00, j01, j10, j11), det, *point)
-    if max(abs(fu), abs(fv)) > (1 + q) * flint.fmpq(2, 5):
+    if scale * max(abs(f) for f, _, _ in values_at((one, two), *point)) > (1 + q) * flint.fmpq(
+        2, 5
+    ):
         return []
-    number = ROOT_BITS
-    point = _newton(ga, gb, point, number)
-    fu, fv = _moved(ga, gb, (j00, j01, j10, j11), det, *point)
-    radius = max(abs(fu), abs(fv)) / (1 - q)
+    point = _newton(ga, gb, point)
+    radius = scale * max(abs(f) for f, _, _ in values_at((one, two), *point)) / (1 - q)
     if not radius < flint.fmpq(1, 1 << 100):
         return None  # Newton has not come near; halves will
     # --- back to the patch
@@ -67,14 +64,12 @@ def settled(piece: Piece) -> list[Any] | None:
     return [(u, v, five * radius / (1 << min(piece.m, piece.n)))]
 
 
-def _newton(
-    a: Matrix, b: Matrix, point: tuple[Rational, Rational], number: int
-) -> tuple[Rational, Rational]:
+def _newton(a: Matrix, b: Matrix, point: tuple[Rational, Rational]) -> tuple[Rational, Rational]:
     """Take Newton steps in fractions, rounded to ever more bits."""
     u, v = point
     known = 3
-    while known < number:
-        known = min(2 * known, number + 8)
+    while known < ROOT_BITS:
+        known = min(2 * known, ROOT_BITS + 8)
         (f, fu, fv), (g, gu, gv) = values_at((a, b), u, v)
         det = fu * gv - fv * gu
         if det == 0:
@@ -100,16 +95,6 @@ def _farthest(matrix: Matrix, factor: int, center: Any) -> Any:
     """Return how far the entries of a matrix, times a factor above 0, are from a number at most."""
     entries = matrix.entries()
     return max(factor * max(entries) - center, center - factor * min(entries))
-
-
-def _moved(
-    a: Matrix, b: Matrix, jacobian: tuple[Any, Any, Any, Any], det: Any, u: Rational, v: Rational
-) -> tuple[Rational, Rational]:
-    """Return F at a point."""
-    j00, j01, j10, j11 = jacobian
-    k = a.nrows() * a.ncols()
-    (f, _, _), (g, _, _) = values_at((a, b), u, v)
-    return k * (j11 * f - j01 * g) / det, k * (j00 * g - j10 * f) / det
 
 
 def _rounded(x: Rational, number: int) -> Rational:

@@ -21,21 +21,12 @@ follows) are found exactly and divided out of f and g; so is a flat patch whose 
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from hybrid_rt.core.records import FloatArray
 from meshing import BezierPatches
-from proof.exact.crossings import (
-    Crosser,
-    Crossing,
-    RationalVector,
-)
+from proof.exact.crossings import Crosser, Crossing, RationalVector, near
 from proof.exact.patch_and_ray import Net, PatchAndRay
-
-# Float64 nets keep so far from 0, in parts of their largest number, that rounding does not count.
-CLEAR = 1e-9
 
 
 def patches_crosser(surface: BezierPatches) -> Crosser:
@@ -51,15 +42,13 @@ def patches_crosser(surface: BezierPatches) -> Crosser:
     for k, net in enumerate(surface.patches):
         by_shape.setdefault(net.shape[:2], []).append(k)
     stacks = [
-        (np.array(members), np.stack([surface.patches[k].reshape(-1, 3) for k in members]))
+        (members, np.stack([surface.patches[k].reshape(-1, 3) for k in members]))
         for members in by_shape.values()
     ]
 
     def crossings(o: RationalVector, d: RationalVector) -> list[Crossing]:
-        found = []
-        for k in _near(stacks, [float(x) for x in o], [float(x) for x in d]):
-            found += PatchAndRay(nets[k], o, d).crossings()
-        return found
+        found = [members[k] for members, points in stacks for k in near(points, o, d)]
+        return [one for k in sorted(found) for one in PatchAndRay(nets[k], o, d).crossings()]
 
     return crossings
 
@@ -69,19 +58,3 @@ def weights_of(surface: BezierPatches) -> list[FloatArray]:
     if surface.weights is None:
         return [np.ones(net.shape[:2]) for net in surface.patches]
     return list(surface.weights)
-
-
-def _near(stacks: list[tuple[Any, FloatArray]], o: list[float], d: list[float]) -> list[int]:
-    """Return the patches whose hull the ray may meet, by float64 far beyond rounding."""
-    k = int(np.abs(d).argmax())
-    i, j = (k + 1) % 3, (k + 2) % 3
-    near: list[int] = []
-    for members, points in stacks:
-        away = points - o
-        margin = CLEAR * (np.abs(points).max(axis=(1, 2)) + np.abs(o).max()) * abs(d[k])
-        is_near = np.ones(len(members), np.bool_)
-        for c in (i, j):
-            f = d[k] * away[:, :, c] - d[c] * away[:, :, k]
-            is_near &= (f.min(axis=1) <= margin) & (f.max(axis=1) >= -margin)
-        near += members[is_near].tolist()
-    return sorted(near)

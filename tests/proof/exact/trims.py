@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from hybrid_rt.analysis.ray_sets import two_normals
 from hybrid_rt.core.records import FloatArray
 from meshing import SurfaceOfRevolution
 from meshing.trimmed import TrimmedSurface
@@ -76,10 +77,12 @@ class TrimEdges:
         both = np.stack(self.surface.partials(*at), axis=2)[0]
         way, normal = d / np.linalg.norm(d), np.cross(both[:, 0], both[:, 1])
         length = float(np.linalg.norm(normal))
+        seen = np.concatenate(two_normals(way[None])) @ both
         if length == 0.0:
-            return _across(way) @ both, np.full((2, 2), np.nan), FLATTEST_EDGE
+            return seen, np.full((2, 2), np.nan), FLATTEST_EDGE
         normal /= length
-        return _across(way) @ both, _across(normal) @ both, abs(float(normal @ way))
+        lies = np.concatenate(two_normals(normal[None])) @ both
+        return seen, lies, abs(float(normal @ way))
 
     def passes(self, u: float, v: float, steps: FloatArray, reach: float) -> bool | None:
         """Tell whether a curve passes within a reach, to first order.
@@ -125,13 +128,6 @@ def _edges(
         is_near = (points.min(axis=0) <= 1.25).all() and (points.max(axis=0) >= -0.25).all()
         if is_near and count[line] % 2 and not any((points[:, 1] == v).all() for v in poles):
             yield arc
-
-
-def _across(way: FloatArray) -> FloatArray:
-    """Return two unit vectors across a unit vector, (2, 3)."""
-    first = np.cross(way, np.eye(3)[np.abs(way).argmin()])
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(way, first)])
 
 
 def _halves(net: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -18,7 +18,7 @@ from proof.exact.crossings import (
     rationals,
 )
 from proof.kernels.bands import AROUND, BAND
-from proof.surface import exact_of
+from proof.surface import judged_of
 
 # A crossing that moves by more than this many times what the angle accounts for is another one.
 MOST_MOVED = 8.0
@@ -59,7 +59,7 @@ class ExactScene:
 
     def __init__(self, surfaces: Sequence[Any]) -> None:
         self.surfaces = list(surfaces)
-        self.exact = [exact_of(surface) for surface in self.surfaces]
+        self.exact = [judged_of(surface) for surface in self.surfaces]
         self._crossers = [exact.crosser() for exact in self.exact]
         self._balls = [exact.ball() for exact in self.exact]
 

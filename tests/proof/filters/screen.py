@@ -15,7 +15,7 @@ import numpy as np
 from hybrid_rt.core.records import BoolArray, FloatArray, HitRecord, IntArray
 from proof.filters.kernels import first
 from proof.kernels.bands import BAND
-from proof.surface import filter_of
+from proof.surface import judged_of
 
 # A point of a hit is measured in float64; farther from the ray it is measured exactly.
 NEAR = 0.5
@@ -24,12 +24,11 @@ NEAR = 0.5
 class Screen:
     """Filters of a list of surfaces.
 
-    Raises TypeError for a surface without a filter.
+    Raises TypeError for a surface that is not known.
     """
 
     def __init__(self, surfaces: Sequence[Any]) -> None:
-        self.filters = [filter_of(surface) for surface in surfaces]
-        self._balls = [one.ball() for one in self.filters]
+        self.filters = [judged_of(surface) for surface in surfaces]
 
     def confirmed(
         self,
@@ -81,9 +80,8 @@ class Screen:
                 continue
             o, t = origins[rows], hits.t[rows]
             along = t[:, None] * directions[rows]
-            middle, size = self._balls[k]
-            reach = np.linalg.norm(along, axis=1) if size < 0.0 else np.full(len(rows), size)
-            scale = np.maximum(np.linalg.norm(o - middle, axis=1), reach)
-            distance = one.gap(o, along, hits.u[rows], hits.v[rows], hits.patch_id[rows])
+            size = np.linalg.norm(along, axis=1) if one.size < 0.0 else one.size
+            scale = np.maximum(np.linalg.norm(o - one.middle, axis=1), size)
+            distance = one.rough_gap(o, along, hits.u[rows], hits.v[rows], hits.patch_id[rows])
             gaps[rows] = distance / (BAND * scale)
         return gaps

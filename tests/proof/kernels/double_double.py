@@ -92,23 +92,6 @@ def root(ah, al):
 
 
 @inner
-def dot(ah, al, bh, bl, ch, cl, x, xl, y, yl, z, zl):
-    """Return (a, b, c) . (x, y, z)."""
-    ph, pl = multiply(ah, al, x, xl)
-    qh, ql = multiply(bh, bl, y, yl)
-    ph, pl = add(ph, pl, qh, ql)
-    qh, ql = multiply(ch, cl, z, zl)
-    return add(ph, pl, qh, ql)
-
-
-@inner
-def advance(o, t, d):
-    """O + t d of three float64."""
-    p, e = two_product(t, d)
-    return add(p, e, o, 0.0)
-
-
-@inner
 def interpolate(ah, al, bh, bl, uh, ul):
     """Return a + u (b - a)."""
     dh, dl = subtract(bh, bl, ah, al)

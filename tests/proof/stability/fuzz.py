@@ -1,4 +1,4 @@
-"""Random surfaces, rays, scenes and files, and what must be true of all of them.
+"""Random surfaces, rays and scenes, and what must be true of all of them.
 
 `run_fuzz` tries new ones for some minutes and keeps each case that fails as a file of numbers;
 `strategy` hands the same cases to hypothesis. A kept case below ``found/`` is a row of the catalogue.
@@ -12,23 +12,20 @@ import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+
+import hypothesis
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
 
 from meshing.outputs import make_folder, replacing
-from proof.stability.fuzz_cases import (
-    Case,
-    Draws,
-    build,
-    ray_case,
-    surface_case,
-)
-from proof.stability.fuzz_properties import READERS, REFUSALS, Readers, faults_of
-from proof.stability.fuzz_scenes import file_case, scene_case
+from proof.stability.fuzz_cases import Case, Draws, build, ray_case, surface_case
+from proof.stability.fuzz_properties import REFUSALS, faults_of
+from proof.stability.fuzz_scenes import scene_case
 
 # Rays of a case, about: half of them hard, the others on lattices and along axes.
 N_RAYS = 40
 # Shares of the time of `run_fuzz`.
-SHARES = ("surfaces", "surfaces", "mixed", "mixed", "scene", "scene", "file")
+SHARES = ("surfaces", "surfaces", "mixed", "mixed", "scene", "scene")
 
 
 @dataclass(frozen=True)
@@ -54,12 +51,10 @@ def read_failure(file: Path) -> Failure:
     return Failure(kept["case"], tuple(kept["faults"]))
 
 
-def make_case(draws: Draws, kind: str, endings: tuple[str, ...] = tuple(READERS)) -> Case:
-    """Draw surfaces of one class, a mixture of them, a scene script, or a damaged file."""
+def make_case(draws: Draws, kind: str) -> Case:
+    """Draw surfaces of one class, a mixture of them, or a scene script."""
     if kind == "scene":
         return scene_case(draws)
-    if kind == "file":
-        return file_case(draws, endings)
     case: Case = {"kind": "rays", "surfaces": surface_case(draws, kind == "mixed")}
     try:
         surfaces = [build(item) for item in case["surfaces"]]
@@ -72,39 +67,22 @@ def make_case(draws: Draws, kind: str, endings: tuple[str, ...] = tuple(READERS)
     return case | {name: rows[:count] for name, rows in rays.items()}
 
 
-def strategy(kind: str, endings: tuple[str, ...] = tuple(READERS)) -> Any:
-    """Return a strategy of hypothesis for cases of a kind; see `make_case`."""
-    from hypothesis import strategies as st
-
-    class Drawn:
-        def __init__(self, draw: Any) -> None:
-            self._draw = draw
-
-        def whole(self, low: int, high: int) -> int:
-            return int(self._draw(st.integers(low, high)))
-
-        def one_of(self, choices: Any) -> Any:
-            return choices[self.whole(0, len(choices) - 1)]
-
-    @st.composite
-    def cases(draw: Any) -> Case:
-        return make_case(Drawn(draw), kind, endings)
-
-    return cases()
+@st.composite
+def strategy(draw: st.DrawFn, kind: str) -> Case:
+    """Cases of a kind, for hypothesis; see `make_case`."""
+    return make_case(Draws(draw), kind)
 
 
-def run_fuzz(
-    minutes: float, seed: int = 0, out: Path | None = None, readers: Readers = READERS
-) -> list[Failure]:
+def run_fuzz(minutes: float, seed: int = 0, out: Path | None = None) -> list[Failure]:
     """Try new cases for some minutes; return one failure of each kind, cut down.
 
-    They are written below ``out``, to ``failures/``. Readers are what reads files, by ending.
+    They are written below ``out``, to ``failures/``.
     """
     end, found = time.monotonic() + 60.0 * minutes, dict[str, Failure]()
     number = 0
     while time.monotonic() < end:
         kind = SHARES[number % len(SHARES)]
-        failure = searched(kind, 1_000_003 * seed + number, readers)
+        failure = searched(kind, 1_000_003 * seed + number)
         number += 1
         if failure is None or _kind_of_fault(failure) in found:
             continue
@@ -114,11 +92,8 @@ def run_fuzz(
     return list(found.values())
 
 
-def searched(kind: str, seed: int, readers: Readers = READERS, n: int = 10) -> Failure | None:
+def searched(kind: str, seed: int, n: int = 10) -> Failure | None:
     """Try n cases of a kind; return the smallest that hypothesis finds for which something fails."""
-    import hypothesis
-    from hypothesis import HealthCheck, Phase, given, settings
-
     last: list[Failure] = []
 
     @hypothesis.seed(seed)
@@ -126,9 +101,9 @@ def searched(kind: str, seed: int, readers: Readers = READERS, n: int = 10) -> F
         max_examples=n, database=None, deadline=None, report_multiple_bugs=False,
         phases=(Phase.generate, Phase.shrink), suppress_health_check=list(HealthCheck),
     )  # fmt: skip
-    @given(strategy(kind, tuple(readers)))
+    @given(strategy(kind))
     def holds(case: Case) -> None:
-        faults = faults_of(case, readers)
+        faults = faults_of(case)
         if faults:
             last[:] = [Failure(case, faults)]
             raise AssertionError(faults[0])

@@ -1,4 +1,4 @@
-"""Random cases as plain numbers: surfaces and rays; `fuzz_scenes` has scene scripts and files.
+"""Random cases as plain numbers: surfaces and rays; `fuzz_scenes` has scene scripts.
 
 A case is a dict that JSON holds without loss, so it can be kept, cut down and run again; one of rays
 may have ``exact``: true, and is then judged in exact arithmetic from the start. What is
@@ -8,10 +8,12 @@ drawn comes through `Draws` from hypothesis, which then shrinks it.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
+from hypothesis import strategies as st
 
 from hybrid_rt.analysis.ray_sets import unit
 from hybrid_rt.core.records import FloatArray
@@ -25,14 +27,19 @@ T = TypeVar("T")
 Case = dict[str, Any]
 
 
-class Draws(Protocol):
-    """Where random choices come from."""
+@dataclass(frozen=True)
+class Draws:
+    """Random choices, from hypothesis."""
+
+    draw: st.DrawFn
 
     def whole(self, low: int, high: int) -> int:
         """Return a whole number, both ends included."""
+        return self.draw(st.integers(low, high))
 
     def one_of(self, choices: Sequence[T]) -> T:
         """Return one of several."""
+        return choices[self.whole(0, len(choices) - 1)]
 
 
 def _rng(draws: Draws) -> np.random.Generator:

@@ -1,12 +1,9 @@
-"""Random scene scripts and damaged files."""
+"""Random scene scripts."""
 
 from __future__ import annotations
 
-import base64
 import math
 from collections.abc import Callable, Sequence
-
-import numpy as np
 
 from proof.stability.fuzz_cases import Case, Draws
 
@@ -126,41 +123,3 @@ def scene_case(draws: Draws) -> Case:
         "integrator": draws.one_of(("path", "whitted", "ppm", "photon_map")),
         "seed": draws.whole(0, 99),
     }
-
-
-def sound_file(ending: str) -> bytes:
-    """Return the bytes of a small sound file."""
-    import io
-
-    import imageio.v3 as imageio
-
-    ramp = np.linspace(0, 1, 4 * 5 * 3).reshape(4, 5, 3)
-    if ending == "bpt":
-        rows = [f"{x} {y} {0.1 * x * y}" for x in range(3) for y in range(2)]
-        return ("1\n2 1\n" + "\n".join(rows) + "\n").encode()
-    stream = io.BytesIO()
-    if ending == "npz":
-        np.savez(stream, image=ramp.astype(np.float32))
-    else:
-        imageio.imwrite(stream, np.uint8(255 * ramp), extension=f".{ending}")
-    return stream.getvalue()
-
-
-def file_case(draws: Draws, endings: Sequence[str]) -> Case:
-    """Draw a file of which some bytes were changed, cut off, doubled or left out."""
-    ending = draws.one_of(endings)
-    data = bytearray(sound_file(ending))
-    for _ in range(draws.whole(1, 4)):
-        if not data:
-            break
-        at = draws.whole(0, len(data) - 1)
-        way = draws.whole(0, 5)
-        if way <= 2:
-            data[at] = draws.whole(0, 255)
-        elif way == 3:
-            del data[at:]
-        elif way == 4:
-            data[at:at] = data[at : at + draws.whole(1, 20)]
-        else:
-            del data[at : at + draws.whole(1, 20)]
-    return {"kind": "file", "ending": ending, "data": base64.b64encode(bytes(data)).decode()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,18 +12,19 @@ from hybrid_rt.core.records import FloatArray, HitRecord, IntArray, Status
 from hybrid_rt.intersection import Intersector
 from meshing import BezierPatches
 from proof.cases.campaign import placed_surfaces, trace_cell
-from proof.cases.catalogue import CATALOGUE
+from proof.cases.catalogue import CATALOGUE, MOST_PIECES
 from proof.cases.singular_rays import size_of
 from proof.exact.crossings import POINT, bits, norm, rational
 from proof.exact.judge import BatchVerdict, ExactJudge
 from proof.exact.truth import ExactScene, same_place
-from proof.stability.measure import DISTANCES, by_judges, by_times, traced, verdict_outcome
+from proof.stability.measure import DISTANCES, apart, by_judges, by_times, traced, verdict_outcome
 from proof.stability.row import Effort, Outcome, Plot
 
 # A full run traces so many times the rays of a case of the catalogue.
 MORE = 10.0
 # A mark is looked at again with rays moved by so many bands, to so many sides.
 MOVES, SIDES = (0.5, 1.0, 2.0, 4.0), 16
+DEGREES = (1, 2, 3, 5, 8, 12, 17, 23, 30)
 
 
 def exact_verdict(
@@ -62,15 +63,8 @@ def _passes_a_corner(scene: ExactScene, o: FloatArray, d: FloatArray) -> bool:
     along = d / norm(d)
     for k, surface in enumerate(scene.surfaces):
         if isinstance(surface, BezierPatches):
-            away = (
-                np.concatenate(
-                    [
-                        net[:: len(net) - 1, :: len(net[0]) - 1].reshape(-1, 3)
-                        for net in surface.patches
-                    ]
-                )
-                - o
-            )
+            ends = [net[:: len(net) - 1, :: len(net[0]) - 1] for net in surface.patches]
+            away = np.concatenate([corners.reshape(-1, 3) for corners in ends]) - o
             beside = away - np.outer(away @ along, along)
             if (np.linalg.norm(beside, axis=1) <= 4.0 * scene.band(k, o, d, 0.0)).any():
                 return True
@@ -114,6 +108,49 @@ def by_exact(
     return outcome + found
 
 
+def plotted(
+    plot: Plot,
+    x: float,
+    surface: Any,
+    origins: FloatArray,
+    directions: FloatArray,
+    unit: float | None = None,
+    **options: Any,
+) -> Outcome:
+    """Judge rays on one surface by exact crossings, and add a point to a curve.
+
+    ``unit``: of errors; default: the surface's size.
+    """
+    found = by_exact([surface], origins, directions, **options)
+    hits = Intersector([surface], coarse="none").intersect(origins, directions)
+    error, expected = exact_errors(ExactScene([surface]), hits, origins, directions)
+    unit = unit or size_of(surface)
+    return found + plot.add(x, error / unit, expected / unit, found.work)
+
+
+def by_degrees(
+    label: str, own: int, raised: Callable[[int], Any], origins: FloatArray, directions: FloatArray
+) -> Outcome:
+    """Compare a surface of a degree of its own, raised up to 30, with exact crossings from before.
+
+    ``raised``: makes it with so many degrees more.
+    """
+    low, plot, total = raised(0), Plot("degree", f"{label}, degree raised"), Outcome()
+    scene, size = ExactScene([low]), size_of(low)
+    before = Intersector([low], coarse="none").intersect(origins, directions)
+    for degree in (k for k in DEGREES if k >= own):
+        tracer = Intersector([raised(degree - own)], coarse="none")
+        hits = tracer.intersect(origins, directions)
+        work = tracer.counters["most_pieces"]
+        total += Outcome(
+            rays=len(hits), wrong=int(apart(low, before, hits, origins, directions).sum()),
+            work=work, undecided=int((hits.status == Status.TANGENT).sum()),
+        )  # fmt: skip
+        error, expected = exact_errors(scene, hits, origins, directions)
+        total += plot.add(degree, error / size, expected / size, work)
+    return replace(total, curves=(plot,))
+
+
 def exact_errors(
     scene: ExactScene, hits: HitRecord, origins: FloatArray, directions: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
@@ -144,7 +181,6 @@ def by_set(
     against: str,
     distances: Sequence[float] = DISTANCES,
     placement: str = "home",
-    least: int = 1,
     marks: bool = True,
     from_afar: bool = False,
 ) -> Outcome:
@@ -161,7 +197,7 @@ def by_set(
     plot, total = Plot(against, name), Outcome()
     for distance in distances:
         tracer.counters["most_pieces"] = tracer.counters["given_up"] = 0
-        n = effort.count(rays, least)
+        n = effort.count(rays)
         cell = trace_cell(tracer, name, distance, placement, n, effort.seed)
         if from_afar:
             back = size * effort.rng().uniform(0.3, 3.0, (n, 1))
@@ -173,6 +209,9 @@ def by_set(
         )
         work = tracer.counters["most_pieces"]
         found = replace(verdict_outcome(verdict, marks), work=work)
+        found = found.checked(
+            work <= MOST_PIECES, f"{work} pieces for one search at {distance:.0e}"
+        )
         if tracer.counters["given_up"]:
             words = f"{tracer.counters['given_up']} searches given up at {distance:.0e}"
             found = replace(found, notes=(*found.notes, words))

@@ -24,16 +24,18 @@ def bumpy_net(degree_u: int = 3, degree_v: int = 3, seed: int = 1) -> FloatArray
     return np.stack([u.T, v.T, height], axis=-1)
 
 
-def elevated(net: FloatArray, times: int) -> FloatArray:
-    """Raise both degrees without changing the surface: exactly, then rounded once."""
-    exact = np.vectorize(lambda x: Fraction(float(x)), otypes=[object])(net)
-    for _ in range(times):
-        for _ in range(2):
-            n = len(exact)
-            weight = np.array([Fraction(k, n) for k in range(n + 1)]).reshape(-1, 1, 1)
-            none = np.full_like(exact[:1], Fraction(0))
-            below, above = np.concatenate([none, exact]), np.concatenate([exact, none])
-            exact = (weight * below + (1 - weight) * above).swapaxes(0, 1)
+def elevated(points: FloatArray, times: int) -> FloatArray:
+    """Raise all degrees of a curve (n + 1, k) or a net (m + 1, n + 1, k): exactly, then rounded once."""
+    exact = np.vectorize(lambda x: Fraction(float(x)), otypes=[object])(points)
+    for axis in times * [*range(exact.ndim - 1)]:
+        exact = np.moveaxis(exact, axis, 0)
+        n = len(exact)
+        weight = np.array([Fraction(k, n) for k in range(n + 1)]).reshape(
+            -1, *[1] * (exact.ndim - 1)
+        )
+        none = np.full_like(exact[:1], Fraction(0))
+        below, above = np.concatenate([none, exact]), np.concatenate([exact, none])
+        exact = np.moveaxis(weight * below + (1 - weight) * above, 0, axis)
     rounded: FloatArray = exact.astype(np.float64)
     return rounded
 

@@ -11,10 +11,9 @@ import importlib
 import pkgutil
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
@@ -25,7 +24,6 @@ from hybrid_rt.core.records import FloatArray
 COUNTS = {"A": 36, "B": 19, "C": 14, "D": 34, "E": 11, "F": 15, "H": 3, "L": 16}
 IDS = tuple(f"{section}{k:02d}" for section, n in COUNTS.items() for k in range(1, n + 1))
 TESTS = Path(__file__).parents[2]
-T = TypeVar("T")
 # Marks without need break no promise. Beside singular sets 8 of 10 000 rays have one, as where pieces seen
 # with parallel tangents are not halved below 64 roundings. A row may have one, and more of this share of
 # its rays.
@@ -39,17 +37,6 @@ class Effort:
 
     factor: float = 1.0
     seed: int = 0
-
-    @property
-    def is_small(self) -> bool:
-        """Whether series of cases are thinned out."""
-        return self.factor < 0.5
-
-    def some(self, series: Sequence[T]) -> Sequence[T]:
-        """Return a series; in a small run only its ends and its middle."""
-        if not self.is_small or len(series) <= 3:
-            return series
-        return [series[0], series[len(series) // 2], series[-1]]
 
     def count(self, n: int, least: int = 1) -> int:
         """Return n scaled by the effort."""
@@ -192,14 +179,3 @@ def all_rows() -> dict[str, Row]:
 def all_ids() -> tuple[str, ...]:
     """Return the ids of the catalogue, and of what random search has found."""
     return (*IDS, *(row_id for row_id in all_rows() if row_id not in IDS))
-
-
-def refusal(make: Callable[[], object], *words: str) -> Outcome:
-    """Return the outcome of a call that must raise an error with this text in its message."""
-    try:
-        make()
-    except (ValueError, TypeError, OSError) as error:
-        missing = [word for word in words if word not in str(error)]
-        fault = f"refused with {str(error)!r}, which lacks {', '.join(missing)}"
-        return Outcome(rays=1).checked(not missing, fault)
-    return Outcome(rays=1, wrong=1, faults=(f"accepted; expected {' '.join(words)!r}",))

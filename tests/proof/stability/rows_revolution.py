@@ -1,25 +1,21 @@
-"""Rows B01 to B07 and B09 to B19: surfaces of revolution."""
+"""Rows B01 to B04, B15 and B17: surfaces of revolution."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from fractions import Fraction
-from typing import Any
 
 import numpy as np
 
-from hybrid_rt.core.records import FloatArray, Status
-from hybrid_rt.intersection import Intersector
+from hybrid_rt.core.records import FloatArray
 from meshing import SurfaceOfRevolution
-from proof.cases.catalogue import cone, cylinder
+from proof.cases.catalogue import cone
 from proof.cases.rays import chords
 from proof.cases.scenes import torus
 from proof.cases.singular_rays import size_of
-from proof.exact.truth import ExactScene
-from proof.stability.measure import apart, by_times, traced
-from proof.stability.measure_exact import by_exact, catalogue, exact_errors
-from proof.stability.row import Effort, Outcome, Plot, refusal, row
+from proof.stability.measure import traced
+from proof.stability.measure_exact import by_degrees, by_exact, catalogue, plotted
+from proof.stability.patch_nets import elevated
+from proof.stability.row import Effort, Outcome, Plot, row
 
 ORIGIN, AXIS = (0, 0, 0), (0, 0, 1)
 # Angles with the axis, or with what is perpendicular to it.
@@ -40,9 +36,7 @@ def _tilted(effort: Effort, along: bool, exactly: bool = False) -> Outcome:
     total, curves = Outcome(), []
     words = "the axis" if along else "the plane across the axis"
     for label, surface in (("torus", torus()), ("cone", cone())):
-        size, n = size_of(surface), effort.count(100, 6)
-        plot = Plot(f"angle with {words}, radians", label)
-        tracer, scene = Intersector([surface], coarse="none"), ExactScene([surface])
+        n, plot = effort.count(100, 6), Plot(f"angle with {words}, radians", label)
         for k in (0.0,) if exactly else TILTS:
             rng = effort.rng(int(k > 0) * round(-np.log10(k or 1.0)))
             turn = rng.uniform(0.0, 2.0 * np.pi, n)[:, None]
@@ -50,13 +44,8 @@ def _tilted(effort: Effort, along: bool, exactly: bool = False) -> Outcome:
             directions = (
                 surface.axis + k * across if along else across + k * surface.axis
             ) * rng.choice([-1.0, 1.0], (n, 1))
-            origins = _inside(surface, n, rng) - 1.5 * size * directions
-            total += by_exact([surface], origins, directions)
-            tracer.counters["most_pieces"] = 0
-            hits = tracer.intersect(origins, directions)
-            error, expected = exact_errors(scene, hits, origins, directions)
-            if k:
-                total += plot.add(k, error / size, expected / size, tracer.counters["most_pieces"])
+            origins = _inside(surface, n, rng) - 1.5 * size_of(surface) * directions
+            total += plotted(plot, k, surface, origins, directions)
         curves.append(plot)
     return replace(total, curves=() if exactly else tuple(curves))
 
@@ -79,39 +68,14 @@ def nearly_parallel(effort: Effort) -> Outcome:
 
 @row("B03", "ray perpendicular to the axis", "exact arithmetic; closed form")
 def perpendicular(effort: Effort) -> Outcome:
-    """Two hits per root of the height: the circle of a cylinder is met twice."""
-    n, rng = effort.count(5000, 50), effort.rng(3)
-    y, z = rng.uniform(-0.99, 0.99, (2, n))
-    origins = np.stack([np.full(n, -3.0), y, z], axis=1)
-    directions = np.tile((1.0, 0.0, 0.0), (n, 1))
-    found = by_times([cylinder()], origins, directions, 3.0 - np.sqrt((1.0 - y) * (1.0 + y)))
-    counts = Intersector([cylinder()]).intersect_all(origins, directions).count
-    exact = _tilted(effort, False, exactly=True)
-    return exact + found + Outcome(wrong=int((counts != 2).sum()))
+    """The plane across the axis as it is rounded, and that of a cylinder about z exactly."""
+    return catalogue("B03", effort) + _tilted(effort, False, exactly=True)
 
 
 @row("B04", "ray nearly perpendicular to the axis", "exact arithmetic")
 def nearly_perpendicular(effort: Effort) -> Outcome:
     """Angles of 1e-1 to 1e-16 with the plane across."""
     return catalogue("B02-B04 vase", effort) + _tilted(effort, False)
-
-
-@row("B05", "ray through the axis", "closed form; exact crossings")
-def through_the_axis(effort: Effort) -> Outcome:
-    """Both sides of cone and torus."""
-    total, n, rng = catalogue("B05", effort), effort.count(150, 8), effort.rng()
-    for surface in (cone(), torus()):
-        at = surface.origin + rng.uniform(0.05, 0.95, (n, 1)) * surface.axis
-        turn = rng.uniform(0.0, 2.0 * np.pi, (n, 1))
-        across = np.cos(turn) * surface.radial + np.sin(turn) * surface.binormal
-        directions = across + rng.uniform(-0.5, 0.5, (n, 1)) * surface.axis
-        total += by_exact([surface], at - 3.0 * directions, directions)
-    z = rng.uniform(0.1, 0.9, 20 * n)
-    origins = np.stack([np.full_like(z, -2.0), np.zeros_like(z), z], axis=1)
-    found = Intersector([cone()]).intersect_all(origins, (1.0, 0.0, 0.0))
-    sides = np.sort(np.concatenate([2.0 - z, 2.0 + z]))
-    same = len(found.hits) == 2 * len(z) and np.abs(np.sort(found.hits.t) - sides).max() < 1e-14
-    return total + Outcome(rays=len(z)).checked(bool(same), "not both sides of a cone")
 
 
 @row("B15", "seam of the angle", "closed form")
@@ -132,55 +96,18 @@ def seam(effort: Effort) -> Outcome:
     return found + Outcome(wrong=int((~hits.hit | ~in_range | off).sum()))
 
 
-def _elevated(points: Sequence[Any], degree: int) -> list[tuple[float, float]]:
-    """Raise the degree of a profile: exactly, then rounded once."""
-    exact = [[Fraction(float(x)) for x in p] for p in points]
-    while len(exact) <= degree:
-        n = len(exact)
-        ends = [exact[0], *exact], [*exact, exact[-1]]
-        exact = [
-            [Fraction(k, n) * x + (1 - Fraction(k, n)) * y for x, y in zip(a, b, strict=True)]
-            for k, (a, b) in enumerate(zip(*ends, strict=True))
-        ]
-    return [(float(z), float(r)) for z, r in exact]
-
-
 @row("B17", "profiles of degree 1 to 30", "exact crossings of the same profile at low degree")
 def degrees(effort: Effort) -> Outcome:
     """A cone and a cubic wave with degrees raised: the polynomial has degree 60 then."""
-    total, curves, n = Outcome(), [], effort.count(200, 10)
+    total = Outcome()
     for label, profile in (("cone", [(0.0, 0.5), (2.0, 1.5)]), ("cubic wave", WAVE)):
-        own = len(profile) - 1
-        low = SurfaceOfRevolution(profile, ORIGIN, AXIS)
-        scene, size = ExactScene([low]), size_of(low)
-        rays = chords([low], n, seed=effort.seed + 8)
-        o, d = rays.origins, rays.directions
-        a = Intersector([low], coarse="none").intersect(o, d)
-        plot = Plot("degree", f"{label}, degree raised")
-        for degree in (k for k in (1, 2, 3, 5, 8, 12, 17, 23, 30) if k >= own):
-            tracer = Intersector(
-                [SurfaceOfRevolution(_elevated(profile, degree), ORIGIN, AXIS)], coarse="none"
-            )
-            b = tracer.intersect(o, d)
-            work = tracer.counters["most_pieces"]
-            total += Outcome(
-                rays=n, wrong=int(apart(low, a, b, o, d).sum()), work=work,
-                undecided=int((b.status == Status.TANGENT).sum()),
-            )  # fmt: skip
-            error, expected = exact_errors(scene, b, o, d)
-            total += plot.add(degree, error / size, expected / size, work)
-        curves.append(plot)
-    return replace(total, curves=tuple(curves))
+        points = np.array(profile)
+        rays = chords(
+            [SurfaceOfRevolution(points, ORIGIN, AXIS)], effort.count(200, 10), effort.seed + 8
+        )
 
+        def raised(times: int, points: FloatArray = points) -> SurfaceOfRevolution:
+            return SurfaceOfRevolution(elevated(points, times), ORIGIN, AXIS)
 
-@row("B18", "profile shrunk to a point; a wire of radius 1e-9", "refusal; closed form")
-def thin(effort: Effort) -> Outcome:
-    """A point is refused, a thin wire found."""
-    total = catalogue("B18", effort)
-    total += refusal(lambda: SurfaceOfRevolution([(1.0, 0.5), (1.0, 0.5)], ORIGIN, AXIS), "profile")
-    radius, n = 1e-9, effort.count(5000, 50)
-    y = radius * np.concatenate([effort.rng().uniform(-0.99, 0.99, n), [1.5, -2.0, 30.0]])
-    origins = np.stack([np.full_like(y, -1.0), y, np.full_like(y, 0.5)], axis=1)
-    inside = np.maximum((radius - y) * (radius + y), 0.0)
-    t = np.where(np.abs(y) < radius, 1.0 - np.sqrt(inside), np.inf)
-    return total + by_times([cylinder(radius)], origins, np.tile((1.0, 0.0, 0.0), (len(y), 1)), t)
+        total += by_degrees(label, len(points) - 1, raised, rays.origins, rays.directions)
+    return total

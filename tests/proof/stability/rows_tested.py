@@ -5,9 +5,11 @@ from __future__ import annotations
 from proof.stability.row import tested
 
 AMONG_GLASS = "integrators/path/test_glass.py::TestGlass::test_"
+BALANCE = "integrators/photons/test_ppm.py::TestBalance::test_"
 CAMERA = "sensor/test_camera.py::test_"
 CAUSTICS = "integrators/photons/test_caustics.py::test_"
 EDGES = "intersection/test_sharp_edges.py::test_"
+EXTREMES = "integrators/test_light_at_extremes.py::test_"
 FRESNEL = "shading/test_fresnel.py::test_"
 FURNACE = "integrators/path/test_furnace.py::TestFurnace::test_"
 EVERY_KIND = "intersection/test_every_kind.py::test_"
@@ -27,6 +29,7 @@ SETTINGS = "rendering/test_settings.py::test_"
 SPOT = "lights/test_spot.py::test_"
 STORE = "rendering/test_store.py::test_"
 TESSELLATION = "../meshing/test_tessellation_of_known_surfaces.py::test_"
+THIN = "integrators/photons/test_covered_discs.py::test_"
 TEXTURES = "textures/test_textures.py::test_"
 WHITTED = "integrators/whitted/test_whitted.py::test_"
 
@@ -64,13 +67,12 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
     )),
     ("D03", "directions that are no unit vectors", "identity", (
         f"{EVERY_KIND}powers_of_two_change_no_bit",
-        f"{HITS}limits_of_t",
     )),
     ("F05", "rays that leave a sphere which passes near 0", "closed form", (
         "intersection/test_departures.py::test_spheres_that_pass_near_zero_are_not_met_again",
     )),
     ("F06", "by way of Embree and without, random surfaces", "identity", (
-        "intersection/test_turned_singular.py::test_both_ways_give_the_same_bits",
+        "../proof_tests/judges/test_hits.py::test_hits_at_singular_sets_are_the_same_without_a_coarse_stage",
         "../proof_tests/judges/test_hits.py::test_hits_are_the_same_without_a_coarse_stage",
         "../proof_tests/stability/test_fuzz.py::test_hits_on_surfaces_of_one_class",
     )),
@@ -84,7 +86,6 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
         f"{SEAMS}loops_that_overlap_themselves_after_a_turn_are_refused",
     )),
     ("A26", "t_max just before and behind the hit", "the hit itself", (
-        f"{HITS}limits_of_t",
         "intersection/test_limits.py::test_what_the_bound_leaves_open_says_so",
     )),
     ("B06", "ray equal to the axis", "closed form", (
@@ -118,12 +119,16 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
     )),
     ("C11", "coincident surfaces", "the lower object is hit", (
         f"{EVERY_KIND}equal_surfaces_tie",
-        f"{EVERY_KIND}equal_surfaces_tie",
         "intersection/test_truths.py::test_coincident_spheres_squares_and_patches_tie",
+    )),
+    ("C13", "many spheres", "each sphere by itself; counts of work", (
+        "intersection/test_members.py::test_same_bits_as_each_by_itself",
+        "intersection/test_mixed_sizes.py::test_a_large_or_far_thing_of_the_same_class_adds_few_nodes",
+        "intersection/test_instances.py::test_work_grows_as_the_logarithm",
     )),
     ("D01", "direction of length zero", "refusal", (f"{HITS}bad_rays_are_refused",)),
     ("D04", "batches of any size", "identity", (
-        f"{HITS}order_batches_and_threads_change_no_bit",
+        f"{EVERY_KIND}slices_threads_order_and_pickling_change_no_bit",
         f"{HITS}inputs_of_any_form",
     )),
     ("D07", "view along up; fields of view of 0 and 180", "refusals; unit directions between", (
@@ -171,7 +176,7 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
     ("D27", "textures of one texel, none, 16 bits, with alpha", "closed forms; refusals", (
         f"{TEXTURES}one_pixel_is_a_constant",
         f"{TEXTURES}eight_and_sixteen_bits_grey_and_alpha",
-        f"{TEXTURES}what_is_no_picture_is_refused",
+        "scene/test_scene.py::test_picture_files_are_refused_in_the_name_of_their_class",
         f"{TEXTURES}impossible_textures_are_refused",
     )),
     ("D28", "texture coordinates 1, below 0 and 1e9", "closed form of the checker; whole periods", (
@@ -189,7 +194,6 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
     ("D32", "no passes, no photons, no time", "refusals", (
         f"{SETTINGS}what_is_out_of_range_is_refused",
         f"{PPM}impossible_options_are_refused",
-        f"{PPM}impossible_options_of_photon_maps_are_refused",
     )),
     ("E01", "coarse stage reports wrong hits", "identity", (
         f"{HITS}wrong_coarse_hits_change_nothing",
@@ -200,7 +204,7 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
         "rendering/test_render.py::test_scene_of_closed_forms_imports_no_mesh_library",
     )),
     ("E06", "rays in random order", "identity", (
-        f"{HITS}order_batches_and_threads_change_no_bit",
+        f"{EVERY_KIND}slices_threads_order_and_pickling_change_no_bit",
     )),
     ("E07", "tolerance 0", "refusal", (f"{TESSELLATION}tolerance_must_be_positive",)),
     ("E08", "tessellation that memory does not hold", "refusal", (
@@ -231,7 +235,38 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
     ("F11", "point light by way of a mirror or glass", "closed form of the image; named if left out", (
         f"{LIGHT_FOUND}light_is_found_as_declared",
         f"{LIGHT_FOUND}what_is_left_out_is_named_once_with_the_shortest_paths",
-        "integrators/photons/test_unfound_light.py::test_it_is_that_of_the_lamps_image",
+        "integrators/probes/test_unfound_light.py::test_it_is_that_of_the_lamps_image",
+    )),
+    ("D08", "pictures of one pixel, of one row, of none", "closed form; refusals", (
+        f"{EXTREMES}in_even_light_every_pixel_of_the_smallest_pictures_shows_it",
+        f"{EXTREMES}pictures_of_no_pixel_are_refused",
+    )),
+    ("D19", "lights of no area, without power, none at all", "black; refusals", (
+        f"{EXTREMES}lamps_without_power_light_nothing",
+        f"{EXTREMES}a_dark_lamp_beside_a_bright_one_changes_no_bit",
+        f"{EXTREMES}lamps_of_no_area_are_refused",
+        "scene/test_scene.py::test_impossible_lights_are_refused",
+    )),
+    ("D33", "radiance 2^99, 2^-99, 1e30 and 1e-30", "identity: light is linear", (
+        f"{EXTREMES}light_is_linear",
+    )),
+    ("D34", "scenes with nothing in them", "the background", (
+        f"{EXTREMES}of_nothing_the_background_is_seen",
+    )),
+    ("L04", "lamps of 1e-6 to 1e6 of the scene", "closed forms of the irradiance", (
+        f"{EXTREMES}irradiance_of_balls",
+        "lights/test_rectangle.py::test_irradiance_is_lamberts",
+    )),
+    ("L05", "lamps that touch surfaces, or nearly", "closed forms of the irradiance", (
+        f"{EXTREMES}irradiance_of_balls",
+        "lights/test_rectangle.py::test_asking_running_into_and_both_see_the_same",
+        "scene/lint/test_lamps_in_surfaces.py::test_all_integrators_agree_on_lamps_at_the_floor",
+    )),
+    ("L08", "radiance from 1e-30 to 1e30", "identity: light is linear", (
+        f"{EXTREMES}light_is_linear",
+    )),
+    ("F12", "light that few camera paths meet", "closed forms: held by the interval, or a warning", (
+        "integrators/photons/test_cross_check.py::test_interval_holds_rare_light_or_a_warning_says_so",
     )),
     ("F13", "both crossings of grazing rays, far from 0", "exact distances from the axis", (
         "intersection/test_grazing_pairs.py::test_no_crossing_of_a_grazing_pair_is_left_out",
@@ -294,6 +329,41 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
     ("D24", "gathering across a thin wall", "the dark side is exactly black", (
         f"{PPM}dark_side_of_a_wall_stays_dark",
     )),
+    ("D21", "points that no photon reaches", "0, and counted", (
+        "rendering/test_render.py::TestLimit::test_discs_that_no_photon_lies_in_are_said_and_reach_no_target",
+    )),
+    ("L01", "indices from 1e-3 to 1000", "closed form: light through a plate; Fresnel's equations", (
+        f"{FRESNEL}reflectance_is_that_of_fresnels_equations",
+        f"{AMONG_GLASS}absorbing_slab",
+        f"{WHITTED}absorbing_slab_of_glass_with_all_its_reflections",
+        f"{WHITTED}extreme_indices_stay_finite_and_within_the_light_there_is",
+    )),
+    ("L02", "albedo up to 1", "white furnace: 1 / (1 - albedo); a geometric series", (
+        f"{FURNACE}closed_shining_room",
+        f"{FURNACE}white_room_ends_and_says_what_is_lost",
+        f"{BALANCE}closed_box_stores_a_geometric_series",
+    )),
+    ("L03", "parallel mirrors of reflectance up to 1", "geometric series with what is lost", (
+        f"{WHITTED}two_facing_mirrors_end_at_max_depth_and_say_so",
+        f"{FURNACE}what_is_lost_counts_by_what_emissive_surfaces_send",
+        f"{THIN}thin_things_are_as_bright_as_wide_ones",
+    )),
+    ("L07", "gather radii from 1e-12 of the scene to the scene", "closed forms: a pipe, caustics", (
+        f"{PPM}radii_far_from_the_scenes_size_are_refused",
+        f"{CAUSTICS}sphere_throws_the_light_that_geometric_optics_says",
+        "integrators/photons/test_caustics.py::TestBlur::test_estimate_is_the_blur_there_is",
+        "integrators/photons/test_blur_of_mean.py::test_discs_wider_than_the_floor_lose_nothing",
+        "integrators/photons/test_small_views.py::test_discs_are_no_wider_than_a_quarter_of_their_surface",
+    )),
+    ("L12", "work where nothing ends a path", "what is lost is said; accounts of photons", (
+        f"{FURNACE}white_room_ends_and_says_what_is_lost",
+        f"{AMONG_GLASS}shells_in_an_even_light_are_not_seen",
+        f"{BALANCE}shining_surfaces_and_sky_send_out_what_they_should",
+        f"{PPM}a_million_photons_in_one_point_need_little_memory",
+    )),
+    ("L16", "nets and perforated sheets in one mesh", "closed form of the mean", (
+        f"{THIN}thin_things_are_as_bright_as_wide_ones",
+    )),
     ("L06", "photons into a spot of 1e-3 degrees", "what a cone sends out; memory as when spread", (
         f"{SPOT}photons_follow_the_profile_and_carry_equal_power",
         f"{PPM}a_million_photons_in_one_point_need_little_memory",
@@ -326,7 +396,7 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
         f"{HITS}layouts_change_no_bit_and_arguments_are_left_as_they_are",
     )),
     ("E05", "one worker, many; other processes", "identity", (
-        f"{HITS}order_batches_and_threads_change_no_bit",
+        f"{EVERY_KIND}slices_threads_order_and_pickling_change_no_bit",
         "rendering/test_cluster.py::test_workers_killed_and_added_change_no_bit",
     )),
     ("E09", "arrays of any layout", "identity", (

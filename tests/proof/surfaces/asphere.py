@@ -8,7 +8,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
+from hybrid_rt.core.records import BoolArray, FloatArray
 from hybrid_rt.primitives.asphere import Asphere
 from proof.exact.asphere_roots import AsphereRoots
 from proof.exact.crossings import (
@@ -24,11 +24,14 @@ from proof.exact.crossings import (
     turns,
 )
 from proof.filters.kernels.first import N_COLUMNS, UNSURE_FROM
-from proof.surface import ExactSurface, Gap, IsTouched, Locate, SurfaceFilter
+from proof.surface import Gap, IsTouched, Judged, Locate
+
+# Far beyond the rounding of a distance in float64.
+CLEAR = 1e-6
 
 
-class ExactAsphere(ExactSurface, of=Asphere):
-    """Exact crossings with an asphere."""
+class JudgedAsphere(Judged, of=Asphere):
+    """Crossings with an asphere; the screen leaves rays that meet the ball around the vertex to exact arithmetic."""
 
     surface: Asphere
 
@@ -113,16 +116,6 @@ class ExactAsphere(ExactSurface, of=Asphere):
         """Return the vertex and the diameter of the ball about it."""
         return self.surface.origin.tolist(), self.surface.size
 
-
-# Far beyond the rounding of a distance in float64.
-CLEAR = 1e-6
-
-
-class AsphereFilter(SurfaceFilter, of=Asphere):
-    """Asks for exact arithmetic wherever a ray meets the ball around the vertex."""
-
-    surface: Asphere
-
     def first(
         self, origins: FloatArray, directions: FloatArray, leaves: BoolArray, hit_t: FloatArray
     ) -> FloatArray:
@@ -135,13 +128,3 @@ class AsphereFilter(SurfaceFilter, of=Asphere):
         reach = (1.0 + CLEAR) * self.surface.ball_radius + CLEAR * np.linalg.norm(away, axis=1)
         out[:, UNSURE_FROM] = np.where(across > reach, np.inf, -np.inf)
         return out
-
-    def gap(
-        self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray
-    ) -> FloatArray:
-        """Measure from the point of the hit, about the vertex."""
-        surface = self.surface
-        local = surface.transformed(np.eye(4) - np.outer([*surface.origin, 0.0], [0, 0, 0, 1.0]))
-        points = local.point(u, v, patch)
-        distance: FloatArray = np.linalg.norm(points - (origins - surface.origin) - along, axis=1)
-        return distance

@@ -7,28 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.core.records import FloatArray, IntArray
 from meshing import BezierPatches
 from meshing.bezier import RationalPatches
 from proof.exact.crossings import Crosser, distance, inside, on_curve, rationals
 from proof.exact.patches import patches_crosser, weights_of
 from proof.exact.touches import SAMPLES, touch_of_nets
 from proof.filters.kernels import patches
-from proof.surface import (
-    ExactSurface,
-    Gap,
-    IsTouched,
-    SurfaceFilter,
-    crossings_scratch,
-    double_double,
-    fractions,
-)
+from proof.surface import Gap, IsTouched, Judged, double_double, fractions, scratch
 
 
-class ExactPatches(ExactSurface, of=BezierPatches):
-    """Exact crossings with Bezier patches."""
+class JudgedPatches(Judged, of=BezierPatches):
+    """Crossings with Bezier patches."""
 
     surface: BezierPatches
+    kernel = staticmethod(patches.first_on_patches)
 
     def crosser(self) -> Crosser:
         """Return a function that isolates the roots of all patches."""
@@ -60,22 +52,13 @@ class ExactPatches(ExactSurface, of=BezierPatches):
         """Return a function that looks for places where the ray is tangent."""
         return touch_of_nets(list(self.surface.patches), SAMPLES, self.surface.weights)
 
-
-class PatchesFilter(SurfaceFilter, of=BezierPatches):
-    """Bisects the projections of all patches that a ray may meet."""
-
-    kernel = staticmethod(patches.first_on_patches)
-
-    surface: BezierPatches
-
-    def __init__(self, surface: BezierPatches) -> None:
-        super().__init__(surface)
+    def tables(self) -> tuple[Any, Any]:
+        """Return all control points about the middle."""
+        surface = self.surface
         nets = [np.asarray(net) for net in surface.patches]
-        middle, size = self.ball()
-        self._origin = middle
         flat = np.concatenate([net.reshape(-1, 3) for net in nets])
         rest = np.concatenate([rest.reshape(-1, 3) for rest in surface.remainders])
-        points = double_double(fractions(flat) + fractions(rest) - fractions(middle))
+        points = double_double(fractions(flat) + fractions(rest) - fractions(self.middle))
         counts = [net.shape[0] * net.shape[1] for net in nets]
         starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
         balls = np.zeros((len(nets), 4))
@@ -87,19 +70,18 @@ class PatchesFilter(SurfaceFilter, of=BezierPatches):
         weights = np.ones(len(flat))
         if isinstance(surface, RationalPatches):
             weights = surface.homogeneous[:, 3].copy()
-        self._table = patches.Patches(
+        table = patches.Patches(
             points=points,
             weights=weights,
             is_rational=isinstance(surface, RationalPatches),
             starts=starts,
             degrees=np.array([(net.shape[0] - 1, net.shape[1] - 1) for net in nets]),
             balls=balls,
-            origin=middle,
+            origin=self.middle,
             radius=float(np.linalg.norm(points[..., 0], axis=1).max()),
-            middle=middle,
-            size=size,
+            size=self.size,
         )
-        self._scratch = patches.PatchScratch(
+        return table, patches.PatchScratch(
             nets=np.zeros((patches.DEPTH + 2, 4, most)),
             spans=np.zeros((patches.DEPTH + 1, 4)),
             radii=np.zeros(patches.DEPTH + 1),
@@ -108,18 +90,5 @@ class PatchesFilter(SurfaceFilter, of=BezierPatches):
             work=np.zeros((4, most)),
             turned=np.zeros((4, most)),
             values=np.zeros(12),
-            away=np.zeros((3, 3)),
-            crossings=crossings_scratch(),
+            **scratch()._asdict(),
         )
-        local = np.split(points[..., 0], starts[1:-1])
-        self._local = BezierPatches(
-            [own.reshape(net.shape) for own, net in zip(local, nets, strict=True)], surface.weights
-        )
-
-    def gap(
-        self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray
-    ) -> FloatArray:
-        """Measure from S(u, v), in coordinates about the surface."""
-        points = self._local.point(u, v, patch)
-        distance: FloatArray = np.linalg.norm(points + (self._origin - origins) - along, axis=1)
-        return distance

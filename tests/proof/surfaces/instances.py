@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hybrid_rt.core.records import FloatArray, HitRecord, IntArray
+from hybrid_rt.core.records import FloatArray, HitRecord
 from hybrid_rt.primitives.instances import Instances
 from proof.exact.crossings import (
     Crosser,
@@ -20,7 +20,7 @@ from proof.exact.crossings import (
     rational,
     rationals,
 )
-from proof.surface import ExactSurface, Gap, IsTouched, SurfaceFilter, exact_of, filter_of
+from proof.surface import Gap, IsTouched, Judged, judged_of
 
 
 class Place(NamedTuple):
@@ -47,14 +47,14 @@ class Place(NamedTuple):
         return [dot(row, x) / self.volume for row in self.rows]
 
 
-class ExactInstances(ExactSurface, of=Instances):
-    """Exact crossings with surfaces in all places."""
+class JudgedInstances(Judged, of=Instances):
+    """Crossings with surfaces in all places; the screen leaves everything to exact arithmetic."""
 
     surface: Instances
 
     def __init__(self, surface: Instances) -> None:
         super().__init__(surface)
-        self._members = [exact_of(member) for member in surface.surfaces]
+        self._members = [judged_of(member) for member in surface.surfaces]
         pairs = zip(surface.matrices, surface.scale.tolist(), strict=True)
         self._places = [Place.of(matrix, scale) for matrix, scale in pairs]
 
@@ -128,22 +128,3 @@ def one_by_one(instances: Instances, hits: HitRecord) -> tuple[list[Instances], 
     place, member, own = instances.split(np.maximum(hits.patch_id, 0))
     number = np.where(hits.hit, place * n + member, -1).astype(np.int32)
     return several, replace(hits, object_id=number, patch_id=own.astype(np.int32))
-
-
-class InstancesFilter(SurfaceFilter, of=Instances):
-    """Leaves everything to exact arithmetic."""
-
-    surface: Instances
-
-    def __init__(self, surface: Instances) -> None:
-        super().__init__(surface)
-        self._members = [filter_of(member) for member in surface.surfaces]
-
-    def gap(
-        self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray
-    ) -> FloatArray:
-        """Measure from S(u, v)."""
-        distance: FloatArray = np.linalg.norm(
-            self.surface.point(u, v, patch) - origins - along, axis=1
-        )
-        return distance

@@ -9,11 +9,12 @@ from typing import Any
 import flint
 import numpy as np
 
-from hybrid_rt.core.records import FloatArray, IntArray
+from hybrid_rt.core.records import FloatArray
 from meshing import SurfaceOfRevolution
 from proof.exact.crossings import (
     Crosser,
     bits,
+    cross,
     distance,
     inside,
     on_curve,
@@ -23,22 +24,22 @@ from proof.exact.crossings import (
 from proof.exact.revolution import revolution_crosser
 from proof.exact.touches import SAMPLES, SampledTouches
 from proof.filters.kernels import profiles, turned
-from proof.surface import (
-    ExactSurface,
-    Gap,
-    IsTouched,
-    SurfaceFilter,
-    crossings_scratch,
-    double_double,
-    fractions,
-    solver_scratch,
-)
+from proof.surface import Gap, IsTouched, Judged, double_double, fractions, scratch, solver_scratch
+
+# Highest degree of profiles.
+MOST_DEGREE = 30
 
 
-class ExactRevolution(ExactSurface, of=SurfaceOfRevolution):
-    """Exact crossings with a surface of revolution."""
+class JudgedRevolution(Judged, of=SurfaceOfRevolution):
+    """Crossings with a surface of revolution."""
 
     surface: SurfaceOfRevolution
+
+    def __init__(self, surface: SurfaceOfRevolution) -> None:
+        super().__init__(surface)
+        # The screen leaves rational profiles and parts of a turn to exact arithmetic.
+        if surface.is_whole_turn and not surface.is_rational:
+            self.kernel = turned.first_on_turned
 
     def crosser(self) -> Crosser:
         """Return a function that isolates the roots of the eliminated polynomials."""
@@ -86,32 +87,20 @@ class ExactRevolution(ExactSurface, of=SurfaceOfRevolution):
         whole = surface.is_whole_turn
         return SampledTouches(local, np.array(surface.origin), SAMPLES, wraps=whole, ends=not whole)
 
-
-# Highest degree of profiles.
-MOST_DEGREE = 30
-
-
-class RevolutionFilter(SurfaceFilter, of=SurfaceOfRevolution):
-    """Solves for the profile's parameter."""
-
-    surface: SurfaceOfRevolution
-
-    def __init__(self, surface: SurfaceOfRevolution) -> None:
-        super().__init__(surface)
-        # Rational profiles and parts of a turn are left to exact arithmetic.
-        if surface.is_whole_turn and not surface.is_rational:
-            self.kernel = turned.first_on_turned
+    def tables(self) -> tuple[Any, Any]:
+        """Return the profile and the inverse of the frame."""
+        surface = self.surface
         # A segment on the axis has no area.
         segments = [net for net in surface.segments if net[:, 1].any()]
         points = np.concatenate(segments)
         lengths = [len(net) for net in segments]
+        degree = max(lengths) - 1
         height = 0.5 * (points[:, 0].min() + points[:, 0].max())
         centre = np.asarray(surface.origin) + height * np.asarray(surface.axis)
         # The centre is rounded, by eps of its coordinates.
         rounding = 1e-15 * (float(np.abs(surface.origin).max()) + abs(height))
         radius = float(np.hypot(points[:, 0] - height, points[:, 1]).max())
-        middle, size = self.ball()
-        self._table = profiles.Turned(
+        table = profiles.Turned(
             control=np.ascontiguousarray(points),
             starts=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
             weights=np.concatenate([_weights(n - 1) for n in lengths]),
@@ -119,33 +108,18 @@ class RevolutionFilter(SurfaceFilter, of=SurfaceOfRevolution):
             origin=np.array(surface.origin),
             centre=centre,
             radius=radius + rounding,
-            middle=middle,
-            size=size,
+            middle=self.middle,
+            size=self.size,
         )
-        degree = max(lengths) - 1
-        self._scratch = profiles.TurnedScratch(
+        return table, profiles.TurnedScratch(
             **solver_scratch(2 * degree),
             factors=np.zeros((3, degree + 1, 3)),
             local=np.zeros((4, degree + 1)),
             spare=np.zeros((4, degree + 1)),
             pieces=np.zeros((32, 3)),
             line=np.zeros((6, 3)),
-            away=np.zeros((3, 3)),
-            crossings=crossings_scratch(),
+            **scratch()._asdict(),
         )
-        self._local = SurfaceOfRevolution._from_frame(
-            list(surface.segments), np.zeros(3), surface.axis, surface.radial, surface.weights,
-            surface.u_range,
-        )  # fmt: skip
-
-    def gap(
-        self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray
-    ) -> FloatArray:
-        """Measure from S(u, v), in coordinates about the surface."""
-        points = self._local.point(u, v, patch)
-        away = np.asarray(self.surface.origin) - origins
-        distance: FloatArray = np.linalg.norm(points + away - along, axis=1)
-        return distance
 
 
 def _weights(n: int) -> FloatArray:
@@ -163,10 +137,5 @@ def _weights(n: int) -> FloatArray:
 def _inverse(rows: Any) -> Any:
     """Return the rows of the inverse of a matrix by columns, exactly."""
     a, b, c = fractions(rows)
-    sides = [_cross(b, c), _cross(c, a), _cross(a, b)]
-    volume = sum(a * sides[0])
-    return np.array([side / volume for side in sides], dtype=object)
-
-
-def _cross(a: Any, b: Any) -> Any:
-    return np.array([a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)], dtype=object)
+    sides = np.array([cross(b, c), cross(c, a), cross(a, b)], dtype=object)
+    return sides / sum(a * sides[0])

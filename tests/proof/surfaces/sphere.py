@@ -8,7 +8,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from hybrid_rt.core.records import FloatArray, IntArray
+from hybrid_rt.core.records import FloatArray
 from hybrid_rt.primitives import Sphere
 from proof.exact.crossings import (
     Crosser,
@@ -26,23 +26,17 @@ from proof.exact.crossings import (
     turns,
 )
 from proof.filters.kernels import sphere
-from proof.surface import (
-    ExactSurface,
-    Gap,
-    IsTouched,
-    Locate,
-    SurfaceFilter,
-    crossings_scratch,
-)
+from proof.surface import Gap, IsTouched, Judged, Locate, scratch
 
 # What a float64 distance may add to a reach.
 ROUNDED = 1.01
 
 
-class ExactSphere(ExactSurface, of=Sphere):
-    """Exact crossings with a sphere, given by centre and radius, floats taken as exact."""
+class JudgedSphere(Judged, of=Sphere):
+    """Crossings with a sphere, given by centre and radius, floats taken as exact."""
 
     surface: Sphere
+    kernel = staticmethod(sphere.first_on_sphere)
 
     def crosser(self) -> Crosser:
         """Return a function that finds both crossings."""
@@ -108,24 +102,7 @@ class ExactSphere(ExactSurface, of=Sphere):
         """Return the centre and the diameter."""
         return self.surface.center.tolist(), 2.0 * float(self.surface.radius)
 
-
-class SphereFilter(SurfaceFilter, of=Sphere):
-    """Solves the quadratic."""
-
-    kernel = staticmethod(sphere.first_on_sphere)
-
-    surface: Sphere
-
-    def __init__(self, surface: Sphere) -> None:
-        super().__init__(surface)
-        self._table = sphere.Ball(np.array(surface.center), float(surface.radius))
-        self._scratch = sphere.SphereScratch(np.zeros((3, 3)), crossings_scratch())
-
-    def gap(
-        self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray
-    ) -> FloatArray:
-        """Measure from the sphere itself."""
-        del u, v, patch
-        away = origins - self.surface.center + along
-        distance: FloatArray = np.abs(np.linalg.norm(away, axis=1) - self.surface.radius)
-        return distance
+    def tables(self) -> tuple[Any, Any]:
+        """Return the ball."""
+        ball = sphere.Ball(np.array(self.surface.center), float(self.surface.radius))
+        return ball, scratch()

@@ -1,4 +1,4 @@
-"""Exact crossings with tori: the roots of a quartic with rational coefficients.
+"""Crossings with tori: the roots of a quartic, by the screen in Bernstein form.
 
 With x = o + t d - c, axis a and radii R and r a torus is where F(t) = (|x|^2 + R^2 - r^2)^2 - 4 R^2
 (|x|^2 - (x.a)^2 / |a|^2) vanishes; centre, axis and radii are floats taken for exact.
@@ -13,7 +13,7 @@ from typing import Any
 import flint
 import numpy as np
 
-from hybrid_rt.core.records import FloatArray, IntArray
+from hybrid_rt.core.records import FloatArray
 from hybrid_rt.primitives.torus import Torus
 from proof.exact.crossings import (
     Crosser,
@@ -33,21 +33,14 @@ from proof.exact.crossings import (
     turns,
 )
 from proof.filters.kernels import torus
-from proof.surface import (
-    ExactSurface,
-    Gap,
-    IsTouched,
-    Locate,
-    SurfaceFilter,
-    crossings_scratch,
-    solver_scratch,
-)
+from proof.surface import Gap, IsTouched, Judged, Locate, scratch, solver_scratch
 
 
-class ExactTorus(ExactSurface, of=Torus):
-    """Exact crossings with a torus."""
+class JudgedTorus(Judged, of=Torus):
+    """Crossings with a torus."""
 
     surface: Torus
+    kernel = staticmethod(torus.first_on_torus)
 
     def crosser(self) -> Crosser:
         """Return a function that isolates the roots of the quartic; a double root is a touch."""
@@ -62,11 +55,7 @@ class ExactTorus(ExactSurface, of=Torus):
             polynomial = quartic(w, d, minor).numer()
             for number in precisions():
                 with bits(number):
-                    roots = [
-                        (root.real, times)
-                        for root, times in polynomial.complex_roots()
-                        if root.imag == 0
-                    ]
+                    roots = _real_roots(polynomial)
                     if not all(is_narrow(t, scale) for t, _ in roots):
                         continue
                     return [
@@ -137,6 +126,18 @@ class ExactTorus(ExactSurface, of=Torus):
         surface = self.surface
         return surface.origin.tolist(), 2.0 * (surface.major_radius + surface.minor_radius)
 
+    def tables(self) -> tuple[Any, Any]:
+        """Return centre, axis and radii."""
+        surface = self.surface
+        ring = torus.Ring(
+            centre=np.array(surface.origin),
+            axis=np.array(surface.axis),
+            major=float(surface.major_radius),
+            minor=float(surface.minor_radius),
+            size=self.size,
+        )
+        return ring, torus.TorusScratch(**solver_scratch(4), **scratch()._asdict())
+
     def _quartic(self) -> Callable[[RationalVector, RationalVector, Rational], Polynomial]:
         """Return a function that makes F(t), for a ray from the middle and a radius of the tube."""
         axis, major = rationals(self.surface.axis), rational(self.surface.major_radius)
@@ -155,9 +156,12 @@ class ExactTorus(ExactSurface, of=Torus):
 def _crossings_ahead(quartic: Polynomial, reach: float) -> int:
     """Return the number of crossings not behind a ray's origin by more than a reach."""
     with bits(256):
-        roots = [(root.real, times) for root, times in quartic.numer().complex_roots()
-                 if root.imag == 0]  # fmt: skip
+        roots = _real_roots(quartic.numer())
     return sum(times for t, times in roots if float(t.mid()) > -reach)
+
+
+def _real_roots(polynomial: Any) -> list[tuple[Any, int]]:
+    return [(root.real, times) for root, times in polynomial.complex_roots() if root.imag == 0]
 
 
 def _cosine(
@@ -171,40 +175,3 @@ def _cosine(
     tube = [shrink * a + share * b for a, b in zip(across, axis, strict=True)]
     cosine = dot(tube, d) / (dot(tube, tube) * dot(d, d)).sqrt()
     return abs(float(cosine.mid()))
-
-
-class TorusFilter(SurfaceFilter, of=Torus):
-    """Solves the quartic."""
-
-    kernel = staticmethod(torus.first_on_torus)
-
-    surface: Torus
-
-    def __init__(self, surface: Torus) -> None:
-        super().__init__(surface)
-        middle, size = self.ball()
-        self._table = torus.Ring(
-            centre=np.array(surface.origin),
-            axis=np.array(surface.axis),
-            major=float(surface.major_radius),
-            minor=float(surface.minor_radius),
-            middle=middle,
-            size=size,
-        )
-        self._scratch = torus.TorusScratch(
-            **solver_scratch(4), away=np.zeros((3, 3)), crossings=crossings_scratch()
-        )
-
-    def gap(
-        self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray
-    ) -> FloatArray:
-        """Measure from the torus itself."""
-        del u, v, patch
-        surface = self.surface
-        away = origins - surface.origin + along
-        height = away @ surface.axis
-        ring = np.linalg.norm(away - height[:, None] * surface.axis, axis=1)
-        distance: FloatArray = np.abs(
-            np.hypot(ring - surface.major_radius, height) - surface.minor_radius
-        )
-        return distance

@@ -8,18 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from hybrid_rt.core.records import BoolArray, FloatArray, IntArray
-from meshing.spans import within_patch
+from hybrid_rt.core.records import BoolArray, FloatArray
 from meshing.trimmed import TrimmedSurface
 from proof.exact.crossings import EITHER, POINT, Crosser, Crossing, RationalVector, bits
 from proof.exact.loops import ExactLoops
 from proof.exact.trims import TrimEdges
 from proof.filters.kernels.first import FOUND, UNSURE_FROM
-from proof.surface import ExactSurface, Gap, IsTouched, SurfaceFilter, exact_of, filter_of
+from proof.surface import Gap, IsTouched, Judged, judged_of
 
 
-class ExactTrimmed(ExactSurface, of=TrimmedSurface):
-    """Exact crossings with the part of a surface inside loops.
+class JudgedTrimmed(Judged, of=TrimmedSurface):
+    """Crossings with the part of a surface inside loops.
 
     Parameters of crossings are rounded, so the side of one that is within rounding of a curve is open;
     the judge finds such crossings doubtful, since rays beside have none. What a gap lets count beyond
@@ -30,7 +29,7 @@ class ExactTrimmed(ExactSurface, of=TrimmedSurface):
 
     def __init__(self, surface: TrimmedSurface) -> None:
         super().__init__(surface)
-        self._whole = exact_of(surface.surface)
+        self._whole = judged_of(surface.surface)
         self._loops = ExactLoops(surface.loops, surface.closes)
         self._edges = TrimEdges(surface) if surface.gap > 0.0 else None
 
@@ -85,22 +84,6 @@ class ExactTrimmed(ExactSurface, of=TrimmedSurface):
         """Return middle and diameter of the whole surface."""
         return self._whole.ball()
 
-
-def _within(x: Fraction) -> Fraction:
-    """Return a parameter just inside the border: loops along it enclose it."""
-    least = Fraction(1, 1 << 60)
-    return min(max(x, least), 1 - least)
-
-
-class TrimmedFilter(SurfaceFilter, of=TrimmedSurface):
-    """Asks for exact arithmetic wherever a ray may meet the whole surface."""
-
-    surface: TrimmedSurface
-
-    def __init__(self, surface: TrimmedSurface) -> None:
-        super().__init__(surface)
-        self._whole = filter_of(surface.surface)
-
     def first(
         self, origins: FloatArray, directions: FloatArray, leaves: BoolArray, hit_t: FloatArray
     ) -> FloatArray:
@@ -111,10 +94,8 @@ class TrimmedFilter(SurfaceFilter, of=TrimmedSurface):
         out[open_, UNSURE_FROM] = -np.inf
         return out
 
-    def gap(
-        self, origins: FloatArray, along: FloatArray, u: FloatArray, v: FloatArray, patch: IntArray
-    ) -> FloatArray:
-        """Measure from S(u, v) of the whole surface."""
-        if self.surface.joined_spans is not None:
-            u, v = within_patch(self.surface.joined_spans, u, v, patch)
-        return self._whole.gap(origins, along, u, v, patch)
+
+def _within(x: Fraction) -> Fraction:
+    """Return a parameter just inside the border: loops along it enclose it."""
+    least = Fraction(1, 1 << 60)
+    return min(max(x, least), 1 - least)

@@ -8,9 +8,8 @@ import pytest
 import trimesh
 
 from hybrid_rt import Intersector, Sphere, TriangleMesh
-from meshing import BezierPatches, tessellate
+from meshing import BezierPatches
 from proof.cases.catalogue import CATALOGUE
-from proof.cases.scenes import torus
 from proof.stability.row import all_rows
 
 
@@ -32,11 +31,6 @@ def test_a_part_of_a_case_has_fewer_rays_and_the_same_for_the_same_seed():
         # Rays that are given one by one are the same for any seed.
         drawn = len(whole[0]) > 4
         assert drawn != all(np.array_equal(a, b) for a, b in zip(part, other, strict=True))
-
-
-def test_meshes_have_an_object_of_their_own():
-    mesh = TriangleMesh(tessellate(torus(), 1e-2).mesh)
-    assert Intersector([mesh]).intersect((0, 0, 5), (0, 0, -1)).object_id.shape == (1,)
 
 
 @pytest.mark.parametrize("coarse", ["embree", "none"])

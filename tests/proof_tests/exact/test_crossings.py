@@ -5,7 +5,7 @@ import mpmath
 import numpy as np
 import pytest
 import trimesh
-from elimination import height_field, height_field_roots, lathe_roots
+from elimination import height_field, height_field_roots
 
 from hybrid_rt import Box, Plane, Rectangle, Sphere, TriangleMesh
 from hybrid_rt.primitives.torus import Torus
@@ -163,19 +163,6 @@ class TestTurned:
         assert [float(one.t) for one in tangent] == [3.0]
         on_axis = SurfaceOfRevolution([[(0, 1), (1, 0)], [(1, 0), (2, 0)]], (0, 0, 0), (0, 0, 1))
         assert ts(revolution_crosser(on_axis), (-1, 0, 1.5), (1, 0, 0)) == []
-
-    def test_the_same_as_elimination_about_z(self):
-        rng = np.random.default_rng(5)
-        for degree in (1, 2, 5):
-            net = np.stack(
-                [np.linspace(-1, 1, degree + 1), rng.uniform(0.2, 1.2, degree + 1)], axis=1
-            )
-            surface = SurfaceOfRevolution(net, (0, 0, 0), (0, 0, 1))
-            for o, d in zip(*rays_at(surface, 20, degree), strict=True):
-                expected = sorted(lathe_roots([net], o, d), key=float)
-                found = ts(revolution_crosser(surface), o, d)
-                assert len(found) == len(expected)
-                assert all(a.overlaps(b) for a, b in zip(found, expected, strict=True))
 
 
 @pytest.mark.parametrize("part", [(0.0, 0.5), (-0.25, 0.0), (-0.25, 0.25)])

@@ -4,24 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from trimmed_surfaces import OUTLINE, plate
+from trimmed_surfaces import OUTLINE
 
 from hybrid_rt import Intersector, Rectangle
 from hybrid_rt.core.records import Status
 from meshing import Cylinder, TrimmedSurface, polygon
 from proof.exact.judge import ExactJudge
-
-
-@pytest.mark.parametrize("status", [Status.HIT, Status.TANGENT])
-def test_the_exact_judge_finds_hits_in_holes(status):
-    # One down into the round hole, one beside it.
-    origins = np.array([(0.1, 0.2, 2.0), (0.7, 0.1, 2.0)])
-    rays = origins, np.tile((0.0, 0.0, -1.0), (2, 1))
-    whole = Intersector(plate().surface, coarse="none").intersect(*rays)
-    claimed = dataclasses.replace(whole, status=np.full(2, status, whole.status.dtype))
-    verdict = ExactJudge([plate()]).judge(claimed, *rays, marks=False)
-    assert verdict.n_wrong == (status == Status.HIT)
-    assert verdict.wrong_tangent == (status == Status.TANGENT)
 
 
 @pytest.mark.parametrize(

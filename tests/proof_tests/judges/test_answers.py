@@ -7,11 +7,9 @@ import pytest
 import trimesh
 
 from hybrid_rt import Intersector, Sphere, TriangleMesh
-from hybrid_rt.core.records import Status
 from meshing import SurfaceOfRevolution
 from proof.cases.rational_surfaces import octants
 from proof.cases.rays import hard_rays
-from proof.cases.scenes import SCENES
 from proof.exact.answers import CERTAIN, DOUBTFUL, Root, _merged, answers_to
 from proof.exact.truth import ExactScene
 from proof.judge import Judge
@@ -84,47 +82,6 @@ def test_hits_on_what_a_part_turn_lacks_are_found():
     verdict = judge.judge(hits[lacking], rays.origins[lacking], rays.directions[lacking])
     assert verdict.n_wrong + verdict.wrong_tangent == lacking.sum()
     assert verdict.wrong["phantom"] + verdict.wrong["nearer"] == verdict.n_wrong
-
-
-@pytest.fixture(scope="module")
-def judged():
-    surfaces = SCENES["vase"]()
-    rays = hard_rays(surfaces, 300, seed=4)
-    hits = Intersector(surfaces).intersect(rays.origins, rays.directions)
-    return surfaces, rays, hits
-
-
-def rows_by_fault(judged, hits):
-    surfaces, rays, _ = judged
-    return Judge(surfaces).judge(hits, rays.origins, rays.directions).wrong
-
-
-def test_the_judge_finds_what_was_made_wrong(judged):
-    _, rays, hits = judged
-    assert not any(rows_by_fault(judged, hits).values())
-    slope = np.abs(np.einsum("ij,ij->i", hits.normal, rays.directions))
-    steep = slope > 0.1 * np.linalg.norm(rays.directions, axis=1)
-    is_near = (hits.t > 1e-3) & (hits.t < 1e3)
-    sure = np.flatnonzero((hits.status == Status.HIT) & steep & is_near)[:30]
-    assert len(sure) == 30
-    t, ids, status = hits.t.copy(), hits.object_id.copy(), hits.status.copy()
-    t[sure[:10]] = np.inf  # lost
-    ids[sure[:10]], status[sure[:10]] = -1, 0
-    t[sure[10:20]] += 1e-6  # behind the surface
-    t[sure[20:]] -= 1e-6  # in front of it
-    wrong = rows_by_fault(judged, dataclasses.replace(hits, t=t, object_id=ids, status=status))
-    assert (wrong["missed"], wrong["farther"], wrong["nearer"]) == (10, 10, 10)
-
-
-def test_the_judge_finds_phantoms(judged):
-    _, _, hits = judged
-    empty, some = np.flatnonzero(~hits.hit)[:10], np.flatnonzero(hits.hit)[0]
-    columns = {}
-    for item in dataclasses.fields(hits):
-        column = getattr(hits, item.name).copy()
-        column[empty] = column[some]
-        columns[item.name] = column
-    assert rows_by_fault(judged, dataclasses.replace(hits, **columns))["phantom"] == 10
 
 
 def walls(heights, *triangles):

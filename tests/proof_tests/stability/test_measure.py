@@ -62,16 +62,6 @@ def test_the_judges_notice(hits, kind):
     assert "rays {" in outcome.notes[-1]
 
 
-@pytest.mark.parametrize("kind", ["lost", "beside", "far"])
-def test_exact_crossings_notice(hits, kind):
-    surfaces, o, d, found = hits
-    judge = ExactJudge(surfaces)
-    assert verdict_outcome(exact_verdict(judge, found, o, d)).holds
-    outcome = verdict_outcome(exact_verdict(judge, spoiled(found)[kind], o, d))
-    assert not outcome.holds
-    assert (outcome.broken if kind == "beside" else outcome.wrong) > 0
-
-
 def test_rows_that_nobody_decides_fail(hits, monkeypatch):
     surfaces, o, d, found = hits
     monkeypatch.setattr(Screen, "confirmed", lambda *_: np.zeros(len(o), np.bool_))

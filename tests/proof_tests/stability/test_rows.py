@@ -1,15 +1,12 @@
 """The rows of the catalogue with a few rays each; `tools/stability.py` runs them with many."""
 
 import pytest
-from marks import nightly_but
 
 from proof.stability.row import IDS, NOT_BUILT, TESTS, Effort, all_rows
 
 ALL = all_rows()
 # What random search found is run in full by test_fuzz.
 ROWS = {i: row for i, row in ALL.items() if not row.tests and row.id in IDS}
-# Ten seconds; D33 is L08 by another name; test_cross_check runs F12, and test_covered_discs has L16.
-LONG = {"D33", "F12", "L12", "L16"}
 
 
 @pytest.mark.parametrize("test", sorted({test for row in ALL.values() for test in row.tests}))
@@ -18,7 +15,7 @@ def test_tests_that_hold_rows_exist(test):
     assert f"def {name}(" in (TESTS / "hybrid_rt" / file).read_text("utf-8")
 
 
-@pytest.mark.parametrize("row_id", nightly_but(ROWS, *(ROWS.keys() - LONG)))
+@pytest.mark.parametrize("row_id", ROWS)
 def test_the_row_holds(row_id):
     outcome = ROWS[row_id].run(Effort(0.01))
     assert outcome.holds, (outcome.faults, outcome.notes, outcome)

@@ -18,3 +18,14 @@ def name_on_sheets(object_id, first, spans, patch_id, u, v):
             span = spans[first[k] + patch_id[i]]
             u[i] = span[1] if u[i] == 1.0 else span[0] + u[i] * (span[1] - span[0])
             v[i] = span[3] if v[i] == 1.0 else span[2] + v[i] * (span[3] - span[2])
+
+
+@kernel
+def name_parts(best, kind_of, kind, group, part):
+    """Write the part of each hit on a patch, -1 for other rows, into ``part`` (n,) int32.
+
+    ``group`` (patches,) int64. The rest is as in `finish_patches`.
+    """
+    for i in range(part.shape[0]):
+        is_own = best.object_id[i] >= 0 and kind_of[best.object_id[i]] == kind
+        part[i] = group[best.primitive[i]] if is_own else -1

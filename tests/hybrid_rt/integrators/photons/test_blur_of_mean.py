@@ -15,7 +15,7 @@ from hybrid_rt import (
     Scene,
     render,
 )
-from hybrid_rt.integrators.photons.blur import BlurSums
+from hybrid_rt.integrators.photons.figures import BlurSums
 
 ALBEDO, RADIANCE = 0.5, 2.0
 

@@ -20,7 +20,7 @@ from hybrid_rt import (
     Scene,
     render,
 )
-from hybrid_rt.integrators.photons.branching import FAINT
+from hybrid_rt.integrators.photons.eye_pass import FAINT
 
 pytestmark = pytest.mark.statistical
 # How often a right mean is refused by chance.

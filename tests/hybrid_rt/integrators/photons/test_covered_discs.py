@@ -2,6 +2,13 @@
 
 import numpy as np
 import pytest
+from thin_things import (
+    ALBEDO,
+    RADIANCE,
+    at_the_end_of_a_pipe,
+    net,
+    perforated_sheet,
+)
 
 from hybrid_rt import (
     Box,
@@ -21,13 +28,6 @@ from hybrid_rt.integrators.photons.covered_discs import MOST_SEGMENTS, one_over_
 from hybrid_rt.integrators.photons.density_estimation import Points
 from hybrid_rt.intersection import Intersector
 from hybrid_rt.scene.compiled import compile_scene
-from proof.stability.rows_light_thin import (
-    ALBEDO,
-    RADIANCE,
-    at_the_end_of_a_pipe,
-    net,
-    perforated_sheet,
-)
 
 NO_NORMALS = np.zeros((0, 3))
 

@@ -16,8 +16,9 @@ from hybrid_rt import (
     Scene,
     Sphere,
 )
-from hybrid_rt.integrators.photons.photon_groups import FEWEST, Group, blocks_of
-from hybrid_rt.integrators.photons.photon_tracer import PHOTON_DIMENSION, joined
+from hybrid_rt.integrators.photons.emission import FEWEST, Group, blocks_of
+from hybrid_rt.integrators.photons.photon_tracer import PHOTON_DIMENSION
+from hybrid_rt.integrators.rows import joined
 from meshing import BezierPatches
 
 CAMERA = Camera((0, -8, 4), (0, 0, 0), (0, 0, 1), 40, 16, 16)

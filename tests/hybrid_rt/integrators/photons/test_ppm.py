@@ -16,7 +16,7 @@ from hybrid_rt.integrators.photons import (
 from hybrid_rt.integrators.photons import (
     photon_workers,
 )
-from hybrid_rt.integrators.photons.photon_groups import Group, sequence_of
+from hybrid_rt.integrators.photons.emission import Group, sequence_of
 from hybrid_rt.integrators.photons.ppm import radius_factor
 from hybrid_rt.integrators.shading import NO_NORMALS
 from hybrid_rt.lights import GradientSky, ImageEnvironment, PointLight, RectangleLight, SphereLight
@@ -365,6 +365,11 @@ class TestPlan:
 def test_impossible_options_are_refused(kind, name, value):
     with pytest.raises(ValueError, match=name):
         kind(**{name: value})
+
+
+def test_alpha_one_warns_of_its_blur():
+    with pytest.warns(UserWarning, match="never shrink"):
+        PPMOptions(alpha=1.0)
 
 
 @pytest.mark.parametrize("radius", [1e308, 2.95, 1.1e-5])

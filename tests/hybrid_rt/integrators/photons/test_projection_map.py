@@ -8,9 +8,8 @@ from shared_statistics_ppm import make_photon_tracer
 
 from hybrid_rt.cli.scene_file import load_scene
 from hybrid_rt.core.records import NamedPoints
-from hybrid_rt.integrators.photons.photon_groups import Piece, names_of
+from hybrid_rt.integrators.photons.emission import MOST_BALLS, Piece, covering, names_of, targets_of
 from hybrid_rt.integrators.photons.photon_tracer import PHOTON_DIMENSION
-from hybrid_rt.integrators.photons.projection_map import MOST_BALLS, covering, targets_of
 from hybrid_rt.materials import Dielectric
 from hybrid_rt.primitives import Box, Rectangle
 from hybrid_rt.scene.compiled import compile_scene
@@ -34,7 +33,7 @@ SHARES = {
 
 def balls_of(surface):
     scene = compile_scene(Scene(CAMERA, [Object(surface, Dielectric(1.5))], []))
-    return targets_of(scene, scene.materials_with(FOLLOWED))
+    return targets_of(scene)
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from hybrid_rt import (
     Scene,
     render,
 )
-from hybrid_rt.integrators.photons.ray_numbers import CAMERA_RAYS, SHADOW_RAYS, Work
+from hybrid_rt.integrators.photons.pilot import CAMERA_RAYS, SHADOW_RAYS, Work
 
 FLOOR = Object(Rectangle((-2, -2, 0), (4, 0, 0), (0, 4, 0)), Lambertian(0.5), "floor")
 BLIND = Object(Rectangle((-0.5, -0.5, 0.5), (1, 0, 0), (0, 1, 0)), Lambertian(0.5), "blind")

@@ -100,12 +100,6 @@ def sign(a):
 
 
 @inner
-def most(a):
-    """Return a bound on the size of a ball's numbers."""
-    return (abs(a[0]) + a[2]) * GROW
-
-
-@inner
 def dot3(a, b, c, x, y, z):
     """Return (a, b, c) . (x, y, z)."""
     return plus(plus(times(a, x), times(b, y)), times(c, z))

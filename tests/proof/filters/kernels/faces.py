@@ -39,17 +39,9 @@ class Faces(NamedTuple):
     balls: Any  # (k, 4) float64: centre from the origin and radius; inf for a plane
     shape: int  # one of the three
     origin: Any  # (3,) float64
-    centre: Any  # (3,) float64
     radius: float  # of a ball around all; inf for a plane
     middle: Any  # (3,) float64
     size: float  # -1 for a plane
-
-
-class FaceScratch(NamedTuple):
-    """Working memory of one thread."""
-
-    away: Any  # (3, 3) float64
-    crossings: Any  # (MOST_CROSSINGS, CROSSING) float64
 
 
 @inner
@@ -132,9 +124,8 @@ def _from(away, corner, k):
 @inner
 def _ray(surface, o, d, leaves, hit_t, scratch, out):
     away = scratch.away
-    shift, length, along, aside = start(o, d, surface.centre, surface.origin, away)
-    ball = surface.radius * (1.0 + 1e-6)
-    if aside > ball or (shift + (along + 1.01 * ball) / length < 0.0 and not leaves):
+    shift, length, reach = start(o, d, surface.origin, surface.origin, surface.radius, leaves, away)
+    if reach < 0.0:
         nothing(out)
         return
     count, from_t = 0, math.inf

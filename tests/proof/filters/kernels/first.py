@@ -1,6 +1,7 @@
 """From all crossings of a ray with one surface to the first one, and what is certain of it."""
 
 import math
+from typing import Any, NamedTuple
 
 from meshing.kernels.jit import inner
 from proof.filters.kernels.balls import (
@@ -27,8 +28,15 @@ NEARLY, BEYOND = 0.5, 2.0
 ROUNDED = 8.0 * 2.0**-52
 
 
+class Scratch(NamedTuple):
+    """Working memory of one thread."""
+
+    away: Any  # (3, 3) float64
+    crossings: Any  # (MOST_CROSSINGS, CROSSING) float64
+
+
 @inner
-def start(o, d, centre, origin, away):
+def start(o, d, centre, origin, radius, leaves, away):
     """Write o + t d - origin, t at the foot of a centre, as balls.
 
     Sums have a relative rounding of the result only, also far from 0.
@@ -38,8 +46,9 @@ def start(o, d, centre, origin, away):
     t : float
     length : float
         |d|.
-    along, aside : float
-        Distances of that point from the centre, along the ray and across.
+    reach : float
+        How far from t the ray is within a radius of the centre; below 0 where it passes by, or has done
+        so before its origin and does not leave the surface.
     """
     dot, square = 0.0, 0.0
     for k in range(3):
@@ -55,7 +64,10 @@ def start(o, d, centre, origin, away):
         gap = h - (centre[k] - origin[k])
         along += gap * d[k] / length
         total += gap * gap
-    return t, length, abs(along), math.sqrt(max(total - along * along, 0.0))
+    reach = (abs(along) + 1.02 * radius) / length
+    if math.sqrt(max(total - along * along, 0.0)) > radius * (1.0 + 1e-6):
+        reach = -1.0
+    return t, length, reach if t + reach >= 0.0 or leaves else -1.0
 
 
 @inner

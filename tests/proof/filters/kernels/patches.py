@@ -44,9 +44,8 @@ class Patches(NamedTuple):
     starts: Any  # (k + 1,) int64
     degrees: Any  # (k, 2) int64: in u and v
     balls: Any  # (k, 4) float64: centre from the origin and radius
-    origin: Any  # (3,) float64
+    origin: Any  # (3,) float64: the middle of everything
     radius: float  # of a ball about the origin that holds everything
-    middle: Any  # (3,) float64
     size: float
 
 
@@ -79,30 +78,14 @@ def _project(surface, p, d, k, scratch):
         z = minus((point[k, 0], point[k, 1], 0.0), (away[k, 0], away[k, 1], away[k, 2]))
         a = minus(times(exact(d[k]), x), times(exact(d[i]), z))
         b = minus(times(exact(d[k]), y), times(exact(d[j]), z))
+        scratch.weight[0, c], scratch.weight[1, c] = surface.weights[begin + c], 0.0
         if surface.is_rational:
             w = exact(surface.weights[begin + c])
             a, b, z = times(w, a), times(w, b), times(w, z)
-            scratch.weight[0, c], scratch.weight[1, c] = w[0], 0.0
         net[0, c], net[1, c], net[2, c], net[3, c] = a[0], a[1], b[0], b[1]
         height[0, c], height[1, c] = z[0], z[1]
         radius, far = max(radius, a[2], b[2]), max(far, z[2])
     return radius, far
-
-
-@inner
-def _is_passed(surface, p, d, k, scratch):
-    """Whether A or B has coefficients of one certain sign already in float64."""
-    i, j = (k + 1) % 3, (k + 2) % 3
-    away = scratch.away
-    margin = 2.0**-48 * (surface.radius + abs(away[0, 0]) + abs(away[1, 0]) + abs(away[2, 0]))
-    margin *= 2.0 * abs(d[k])
-    a0, a1, b0, b1 = math.inf, -math.inf, math.inf, -math.inf
-    for c in range(surface.starts[p], surface.starts[p + 1]):
-        z = surface.points[c, k, 0] - away[k, 0]
-        a = d[k] * (surface.points[c, i, 0] - away[i, 0]) - d[i] * z
-        b = d[k] * (surface.points[c, j, 0] - away[j, 0]) - d[j] * z
-        a0, a1, b0, b1 = min(a0, a), max(a1, a), min(b0, b), max(b1, b)
-    return a0 > margin or a1 < -margin or b0 > margin or b1 < -margin
 
 
 @inner
@@ -159,21 +142,6 @@ def _turn(net, count, radius, inverse, turned):
     return first, second
 
 
-@inner
-def _may_be_dominated(net, m, n, inverse, turned):
-    """Whether, by float64 and in the favourable case, the diagonal of the derivatives dominates."""
-    terms = 0.0
-    for c in range((m + 1) * (n + 1)):
-        for side in range(2):
-            a, b = inverse[2 * side] * net[0, c], inverse[2 * side + 1] * net[2, c]
-            turned[2 * side, c] = a + b
-            terms = max(terms, abs(a) + abs(b))
-    uu0, _, uv0, uv1 = slopes(turned[0], m, n, 0.0)
-    vu0, vu1, vv0, _ = slopes(turned[2], m, n, 0.0)
-    slack = 8.0 * ROUGH * terms * (m + n)
-    return uu0 + slack > max(-uv0, uv1) - slack and vv0 + slack > max(-vu0, vu1) - slack
-
-
 NO_ROOT, ROOT, HALVE = 0, 1, 2
 
 
@@ -196,8 +164,6 @@ def _settle(net, m, n, radius, scratch):
     inverse = (
         b_v / determinant, -a_v / determinant, -b_u / determinant, a_u / determinant,
     )  # fmt: skip
-    if not _may_be_dominated(net, m, n, inverse, turned):
-        return HALVE
     first, second = _turn(net, count, radius, inverse, turned)
     uu0, _, uv0, uv1 = slopes(turned[0], m, n, first)
     vu0, vu1, vv0, _ = slopes(turned[2], m, n, second)
@@ -324,7 +290,7 @@ def _patch(surface, p, d, k, length, behind, scratch, count):
         is_lost = max(-a0, a1, -b0, b1) <= LOST * radius
         is_small = min(span[1], span[3]) <= SMALLEST
         if is_lost or is_small or n_pieces >= MOST_PIECES or top + 1 >= spans.shape[0]:
-            low, high = _height_range(surface, p, span, far, d[k], scratch)
+            low, high = _height_range(m, n, span, far, d[k], scratch)
             if not high < behind:
                 from_t = min(from_t, low)
             top -= 1
@@ -367,24 +333,11 @@ def _patch(surface, p, d, k, length, behind, scratch, count):
 
 
 @inner
-def _height_range(surface, p, span, far, slope, scratch):
-    """Return bounds of t on a piece, in float64 with a margin."""
-    height, m, n = scratch.height, surface.degrees[p, 0], surface.degrees[p, 1]
-    if surface.is_rational:
-        return _rational_height_range(m, n, span, far, slope, scratch)
-    u, v = span[0] + 0.5 * span[1], span[2] + 0.5 * span[3]
-    z, _, _ = rough(height[0], m, n, u, v, scratch.work)
-    u0, u1, v0, v1 = slopes(height[0], m, n, far)
-    low, high = bounds(height[0], (m + 1) * (n + 1))
-    wide = 0.5 * (max(-u0, u1) * span[1] + max(-v0, v1) * span[3])
-    wide += 2.0**-45 * max(abs(low), abs(high))
-    a, b = (z - wide) / slope, (z + wide) / slope
-    return min(a, b), max(a, b)
+def _height_range(m, n, span, far, slope, scratch):
+    """Return bounds of t on a piece, in float64 with a margin.
 
-
-@inner
-def _rational_height_range(m, n, span, far, slope, scratch):
-    """As `_height_range`: the quotient's slope is at most (|Z_u| + |Z / W| |W_u|) / W."""
+    The slope of Z / W is at most (|Z_u| + |Z / W| |W_u|) / W.
+    """
     height, weight = scratch.height[0], scratch.weight[0]
     u, v = span[0] + 0.5 * span[1], span[2] + 0.5 * span[3]
     z, _, _ = rough(height, m, n, u, v, scratch.work)
@@ -404,9 +357,8 @@ def _rational_height_range(m, n, span, far, slope, scratch):
 @inner
 def _ray(surface, o, d, leaves, hit_t, scratch, out):
     away = scratch.away
-    shift, length, along, aside = start(o, d, surface.origin, surface.origin, away)
-    ball = surface.radius * (1.0 + 1e-6)
-    if aside > ball or (shift + (along + 1.01 * ball) / length < 0.0 and not leaves):
+    shift, length, reach = start(o, d, surface.origin, surface.origin, surface.radius, leaves, away)
+    if reach < 0.0:
         nothing(out)
         return
     k = 0
@@ -425,13 +377,13 @@ def _ray(surface, o, d, leaves, hit_t, scratch, out):
         if cx * cx + cy * cy + cz * cz > limit * limit:
             continue
         ahead = (wx * d[0] + wy * d[1] + wz * d[2]) / length + radius + 1e-9 * surface.radius
-        if ahead < behind * length or _is_passed(surface, p, d, k, scratch):
+        if ahead < behind * length:
             continue
         count, begins = _patch(surface, p, d, k, length, behind, scratch, count)
         from_t = min(from_t, begins)
     from_t = shift + from_t - 2.0**-50 * abs(shift)
     finish(
-        scratch.crossings, count, shift, o, length, surface.middle, surface.size, leaves, hit_t,
+        scratch.crossings, count, shift, o, length, surface.origin, surface.size, leaves, hit_t,
         from_t, out,
     )  # fmt: skip
 

@@ -86,38 +86,6 @@ def load(surface, p, n, begin, width, scratch):
 
 
 @inner
-def is_passed(surface, p, n, scratch):
-    """Whether F has coefficients of one certain sign already in float64."""
-    line, start, factors = scratch.line, surface.starts[p], scratch.factors
-    a1 = line[3, 0]
-    scale = 0.0
-    for k in range(n + 1):
-        h = surface.control[start + k, 0] - line[0, 0]
-        factors[0, k, 0] = a1 * line[1, 0] + h * line[4, 0]
-        factors[1, k, 0] = a1 * line[2, 0] + h * line[5, 0]
-        factors[2, k, 0] = a1 * surface.control[start + k, 1]
-        scale = max(
-            scale,
-            abs(a1 * line[1, 0]) + abs(line[0, 0] * line[4, 0]) + abs(h * line[4, 0])
-            + abs(a1 * line[2, 0]) + abs(line[0, 0] * line[5, 0]) + abs(h * line[5, 0])
-            + abs(factors[2, k, 0]),
-        )  # fmt: skip
-    margin = 2.0**-46 * scale * scale
-    below = above = True
-    for m in range(2 * n + 1):
-        total = 0.0
-        for i in range(max(0, m - n), m // 2 + 1):
-            j = m - i
-            term = (
-                factors[0, i, 0] * factors[0, j, 0] + factors[1, i, 0] * factors[1, j, 0]
-                - factors[2, i, 0] * factors[2, j, 0]
-            )  # fmt: skip
-            total += surface.weights[start + i, j, 0] * term
-        below, above = below and total < -margin, above and total > margin
-    return below or above
-
-
-@inner
 def build(n, p, z_radius, r_radius, surface, scratch):
     """Write F of the piece, and return the radius of its coefficients."""
     line, factors, local = scratch.line, scratch.factors, scratch.local

@@ -30,21 +30,11 @@ class Ball(NamedTuple):
     radius: float
 
 
-class SphereScratch(NamedTuple):
-    """Working memory of one thread."""
-
-    away: Any  # (3, 3) float64
-    crossings: Any  # (MOST_CROSSINGS, CROSSING) float64
-
-
 @inner
 def _ray(surface, o, d, leaves, hit_t, scratch, out):
     away, radius = scratch.away, surface.radius
-    shift, length, along, aside = start(o, d, surface.centre, surface.centre, away)
-    if aside > radius * (1.0 + 1e-6):
-        nothing(out)
-        return
-    if shift + (along + 1.01 * radius) / length < 0.0 and not leaves:
+    shift, length, reach = start(o, d, surface.centre, surface.centre, radius, leaves, away)
+    if reach < 0.0:
         nothing(out)
         return
     a = square_of(d)

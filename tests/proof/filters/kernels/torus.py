@@ -37,7 +37,6 @@ class Ring(NamedTuple):
     axis: Any  # (3,) float64
     major: float
     minor: float
-    middle: Any  # (3,) float64
     size: float
 
 
@@ -89,13 +88,9 @@ def _squared(p):
 @inner
 def _ray(surface, o, d, leaves, hit_t, scratch, out):
     away = scratch.away
-    shift, length, along, aside = start(o, d, surface.centre, surface.centre, away)
-    ball = (surface.major + surface.minor) * (1.0 + 1e-6)
-    if aside > ball:
-        nothing(out)
-        return
-    reach = (along + 1.01 * ball) / length
-    if shift + reach < 0.0 and not leaves:
+    ball = surface.major + surface.minor
+    shift, length, reach = start(o, d, surface.centre, surface.centre, ball, leaves, away)
+    if reach < 0.0:
         nothing(out)
         return
     # |x|^2 and x.a on (-reach, reach).
@@ -151,7 +146,7 @@ def _ray(surface, o, d, leaves, hit_t, scratch, out):
         t = times(span, minus(scaled(s, 2.0), (1.0, 0.0, 0.0)))
         count = note(scratch.crossings, count, t, _cosine(surface, away, d, t[0], length))
     finish(
-        scratch.crossings, count, shift, o, length, surface.middle, surface.size, leaves, hit_t,
+        scratch.crossings, count, shift, o, length, surface.centre, surface.size, leaves, hit_t,
         from_t, out,
     )  # fmt: skip
 

@@ -5,33 +5,20 @@ ray a line. Where a changes along the ray, t = (Z(s) - a0) / a1 and s is a root 
 
     F(s) = (a1 x0 + (Z(s) - a0) x1)^2 + (a1 y0 + (Z(s) - a0) y1)^2 - a1^2 R(s)^2,
 
-of degree 2n, in Bernstein form. Nearly across the axis that is badly conditioned. There s hardly
-changes along the ray: Z(s) = a0 + a1 t has one root for every t, within a narrow interval, t is a
-root of a quadratic with an interval for R^2, and both are narrowed in turn.
+of degree 2n, in Bernstein form. Nearly across the axis that is badly conditioned: some of these rays are
+left to exact arithmetic.
 """
 
 import math
 
 from meshing.kernels.jit import inner, kernel
-from proof.filters.kernels.balls import (
-    GROW,
-    minus,
-    most,
-    over,
-    plus,
-    sign,
-    square_root,
-    times,
-)
+from proof.filters.kernels.balls import GROW, over, sign
 from proof.filters.kernels.bernstein import least_slope, solve, steepest, value_at
 from proof.filters.kernels.first import finish, note, nothing, start, unsure
-from proof.filters.kernels.profiles import build, enter, is_clear, is_passed, load, row
+from proof.filters.kernels.profiles import build, enter, is_clear, load, row
 
-# Below this |a1| / |d| the second form is tried first.
-ACROSS = 2.0**-12
-# Pieces of profiles that are narrower are left; steps of the second form.
+# Pieces of profiles that are narrower are left.
 SMALLEST = 2.0**-44
-ALTERNATIONS = 8
 # Radii of t above this part of the ball's are loose.
 LOOSE = 2.0**-58
 # How often F is built again, and the narrowest piece for which it is.
@@ -50,66 +37,6 @@ def _cosine(line, local, n, x, t, length, work):
         return -1.0
     slope = dz * (px * line[4, 0] + py * line[5, 0]) / rho - dr * line[3, 0]
     return abs(slope) / (speed * length)
-
-
-@inner
-def _quadratic(line):
-    """Return A, B, C of x^2 + y^2 = A t^2 + 2 B t + C."""
-    x0, y0, x1, y1 = row(line, 1), row(line, 2), row(line, 4), row(line, 5)
-    a = plus(times(x1, x1), times(y1, y1))
-    b = plus(times(x0, x1), times(y0, y1))
-    return a, b, plus(times(x0, x0), times(y0, y0))
-
-
-@inner
-def _along(quadratic, r):
-    """Return B^2 - A (C - r^2)."""
-    a, b, c = quadratic
-    return plus(minus(times(b, b), times(a, c)), times(a, times(r, r)))
-
-
-@inner
-def _meet(local, n, s, t, line, quadratic, radii, steep, side, work):
-    """Narrow a crossing: t by the quadratic from s, then s by Z(s) = a0 + a1 t; and again.
-
-    The crossing is within the balls s and t; s counts along the piece. Of the two roots of the
-    quadratic that of ``side`` is meant, -1 or 1; 0 is for the one that the ball of t touches.
-    """
-    a, b, _ = quadratic
-    a1 = row(line, 3)
-    for _ in range(ALTERNATIONS):
-        r = value_at(local[2], local[3], radii[1], n, s, steep[1], work)
-        far = square_root(_along(quadratic, r))
-        if not far[2] < math.inf:
-            return s, t
-        here = side
-        if here == 0:
-            gap = plus(times(a, t), b)
-            # The true A t + B is one of both.
-            if abs(gap[0]) / GROW > gap[2] and abs(gap[0]) / GROW > 0.0:
-                here = 1 if gap[0] > 0.0 else -1
-            else:
-                return s, t
-        if here < 0:
-            far = (-far[0], -far[1], far[2])
-        better = over(minus(far, b), a)
-        if not better[2] < 0.5 * t[2]:
-            return s, t
-        t = better
-        slope, least = least_slope(local[0], radii[0], n, s[0], s[2], work[0])
-        if not least > 0.0:
-            return s, t
-        h = value_at(local[0], local[1], radii[0], n, (s[0], s[1], 0.0), 0.0, work)
-        rest = minus(times(a1, t), h)
-        moved = plus((s[0], s[1], 0.0), (rest[0] / slope, 0.0, 0.0))
-        if not abs(moved[0] - s[0]) <= 0.5 * s[2]:
-            return s, t
-        h = value_at(local[0], local[1], radii[0], n, (moved[0], moved[1], 0.0), 0.0, work)
-        wide = most(minus(times(a1, t), h)) / least * GROW
-        if not wide < s[2]:
-            return s, t
-        s = (moved[0], moved[1], wide)
-    return s, t
 
 
 @inner
@@ -136,7 +63,7 @@ def _by_height(surface, p, n, behind, reach, scratch, count, length):
     """
     line, local, pieces = scratch.line, scratch.local, scratch.pieces
     work = scratch.nets[scratch.nets.shape[0] - 2]
-    a1, quadratic, loose = row(line, 3), _quadratic(line), LOOSE * reach
+    a1, loose = row(line, 3), LOOSE * reach
     if sign(a1) == 0:
         return count, -math.inf
     from_t = math.inf
@@ -146,7 +73,7 @@ def _by_height(surface, p, n, behind, reach, scratch, count, length):
         begin, width, age = pieces[next_piece, 0], pieces[next_piece, 1], pieces[next_piece, 2]
         next_piece += 1
         radii = load(surface, p, n, begin, width, scratch)
-        steep = steepest(local[0], radii[0], n), steepest(local[2], radii[1], n)
+        steep = steepest(local[0], radii[0], n)
         radius = build(n, p, radii[0], radii[1], surface, scratch)
         n_roots, n_unsure = solve(
             scratch.nets, 2 * n, radius, scratch.roots, scratch.unsure, SMALLEST, scratch.radii,
@@ -156,8 +83,7 @@ def _by_height(surface, p, n, behind, reach, scratch, count, length):
             return count, -math.inf
         for k in range(n_roots):
             s = scratch.roots[k, 0], scratch.roots[k, 1], scratch.roots[k, 2]
-            t = over(value_at(local[0], local[1], radii[0], n, s, steep[0], work), a1)
-            s, t = _meet(local, n, s, t, line, quadratic, radii, steep, 0, work)
+            t = over(value_at(local[0], local[1], radii[0], n, s, steep, work), a1)
             if t[2] > loose and age < MOST_BUILDS and n_pieces < pieces.shape[0]:
                 x, wide = _piece_around(scratch.roots[k], s)
                 if wide <= 0.25 and width * wide >= NARROWEST:
@@ -171,7 +97,7 @@ def _by_height(surface, p, n, behind, reach, scratch, count, length):
             wide = scratch.unsure[k, 1]
             x = scratch.unsure[k, 0] + 0.5 * wide
             t = over(
-                value_at(local[0], local[1], radii[0], n, (x, 0.0, 0.5 * wide), steep[0], work), a1
+                value_at(local[0], local[1], radii[0], n, (x, 0.0, 0.5 * wide), steep, work), a1
             )
             ends = (t[2] + abs(t[1])) * GROW
             if t[0] + ends < behind:
@@ -187,62 +113,12 @@ def _by_height(surface, p, n, behind, reach, scratch, count, length):
 
 
 @inner
-def _across(surface, p, n, reach, scratch, count, length):
-    """Solve Z(s) = a0 + a1 t for s in an interval, then the quadratic for t; narrow both."""
-    line, local, nets = scratch.line, scratch.local, scratch.nets
-    work = nets[nets.shape[0] - 2]
-    a1 = row(line, 3)
-    radii = load(surface, p, n, 0.0, 1.0, scratch)
-    for k in range(n + 1):
-        nets[0, 0, k], nets[0, 1, k] = local[0, k], local[1, k]
-    n_roots, n_unsure = solve(
-        nets, n, (radii[0] + most(a1) * reach) * GROW, scratch.roots, scratch.unsure, SMALLEST,
-        scratch.radii, scratch.spans,
-    )  # fmt: skip
-    if n_unsure != 0:
-        return count, False
-    if n_roots == 0:
-        return count, True
-    quadratic = _quadratic(line)
-    steep = steepest(local[0], radii[0], n), steepest(local[2], radii[1], n)
-    most_r = 0.0
-    for k in range(n + 1):
-        most_r = max(most_r, abs(local[2, k]))
-    for i in range(n_roots):
-        s = scratch.roots[i, 0], scratch.roots[i, 1], scratch.roots[i, 2]
-        r = value_at(local[2], local[3], radii[1], n, s, steep[1], work)
-        rest = _along(quadratic, r)
-        turn = sign(rest)
-        if turn < 0:
-            continue
-        far = square_root(rest)
-        # Then the distance from the surface rises or falls along the ray near both roots.
-        changes = 2.0 * (far[0] / GROW - far[2]) * scratch.roots[i, 3] > (
-            2.0 * most_r * steep[1] * most(a1) * GROW
-        )
-        if turn == 0 or not changes:
-            return count, False
-        for side in (-1, 1):
-            narrow, t = _meet(
-                local, n, s, (0.0, 0.0, math.inf), line, quadratic, radii, steep, side, work
-            )
-            if not t[2] < math.inf:
-                return count, False
-            cosine = _cosine(line, local, n, narrow[0], t[0], length, work)
-            count = note(scratch.crossings, count, t, cosine)
-    return count, True
-
-
-@inner
 def _ray(surface, o, d, leaves, hit_t, scratch, out):
-    shift, length, along, aside = start(o, d, surface.centre, surface.origin, scratch.away)
-    ball = surface.radius * (1.0 + 1e-6)
-    if aside > ball:
-        nothing(out)
-        return
-    # |t - shift| of all crossings is below this.
-    reach = (along + 1.01 * ball) / length
-    if shift + reach < 0.0 and not leaves:
+    # |t - shift| of all crossings is below the reach.
+    shift, length, reach = start(
+        o, d, surface.centre, surface.origin, surface.radius, leaves, scratch.away
+    )
+    if reach < 0.0:
         nothing(out)
         return
     enter(surface, d, scratch)
@@ -251,14 +127,10 @@ def _ray(surface, o, d, leaves, hit_t, scratch, out):
     for p in range(surface.starts.size - 1):
         begin = surface.starts[p]
         n = surface.starts[p + 1] - begin - 1
-        if is_clear(surface, begin, n, reach, scratch) or is_passed(surface, p, n, scratch):
+        if is_clear(surface, begin, n, reach, scratch):
             continue
-        is_settled, before = False, count
-        if abs(scratch.line[3, 0]) < ACROSS * length:
-            count, is_settled = _across(surface, p, n, reach, scratch, count, length)
-        if not is_settled:
-            count, begins = _by_height(surface, p, n, behind, reach, scratch, before, length)
-            from_t = min(from_t, begins)
+        count, begins = _by_height(surface, p, n, behind, reach, scratch, count, length)
+        from_t = min(from_t, begins)
     from_t = shift + from_t - 2.0**-50 * abs(shift)
     if math.isnan(from_t):
         unsure(out)

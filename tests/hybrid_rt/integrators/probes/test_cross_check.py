@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from marks import nightly_but
+from rare_light import DOWN, FLOOR, RARE, mean_by_port, polished, port
 from scipy.stats import chi2, norm
 
 from hybrid_rt import (
@@ -23,19 +25,26 @@ from hybrid_rt import (
     SpotLight,
     render,
 )
-from hybrid_rt.integrators.photons import cross_check
-from hybrid_rt.integrators.photons.cross_check import _least
-from hybrid_rt.integrators.photons.probe import Probe
+from hybrid_rt.integrators.probes import cross_check
+from hybrid_rt.integrators.probes.cross_check import _least
+from hybrid_rt.integrators.probes.probe import Probe
 from hybrid_rt.sensor.film import REGIONS, Film, regions_of
-from proof.stability.row import Effort
-from proof.stability.rows_light_rare import DOWN, FLOOR, mean_by_port, polished, port, rare_light
 
 
+# Of 20 renders at a rate of 3 % more than two miss in 2 % of all series.
 @pytest.mark.statistical
-def test_interval_holds_rare_light_or_a_warning_says_so():
-    """Highlights, a port, a bright spot: eight seeds of each."""
-    outcome = rare_light(Effort(0.4, seed=100))
-    assert not outcome.faults
+@pytest.mark.parametrize("n", nightly_but([8, 20], 8))
+@pytest.mark.parametrize("name", RARE)
+def test_interval_holds_rare_light_or_a_warning_says_so(name, n):
+    """Highlights, a port, a bright spot: all but two of n seeds."""
+    (scene, truth), missed = RARE[name], 0
+    for seed in range(100, 100 + n):
+        # Paths in the sphere end when they are absorbed, not at a limit.
+        result = render(scene, passes=16, seed=seed, threads=1, max_depth=100)
+        half = result.mean_half_interval
+        holds = half is not None and abs(result.mean - truth()) <= half
+        missed += not (holds or result.report.warnings)
+    assert missed <= 2
 
 
 @pytest.mark.statistical

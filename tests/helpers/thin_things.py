@@ -1,4 +1,4 @@
-"""Row L16: nets and perforated sheets, which are thinner than the discs that photons are gathered on."""
+"""Nets and perforated sheets, which are thinner than the discs that photons are gathered on."""
 
 from __future__ import annotations
 
@@ -6,19 +6,15 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike
 
-from hybrid_rt.integrators import PPMOptions
 from hybrid_rt.lights import RectangleLight
 from hybrid_rt.materials import Lambertian, Mirror
 from hybrid_rt.primitives import Rectangle, TriangleMesh
-from hybrid_rt.rendering.renderer import render
 from hybrid_rt.scene.scene import Object, Scene
 from hybrid_rt.sensor.camera import Camera
 from meshing import BezierPatches, TrimmedSurface, circle, polygon
-from proof.stability.row import Effort, Outcome, row
 
 ALBEDO, RADIANCE = 0.5, 2.0
 WIDTH, DEPTH, HEIGHT = 0.8, 0.6, 1.5
-SEEDS = 8
 
 
 def mesh_of(quads: ArrayLike) -> TriangleMesh:
@@ -73,24 +69,3 @@ def at_the_end_of_a_pipe(surface: TriangleMesh | TrimmedSurface) -> Scene:
         [Object(surface, Lambertian(ALBEDO)), *(Object(wall, Mirror(1.0)) for wall in walls)],
         [lamp],
     )
-
-
-@row(
-    "L16",
-    "nets and perforated sheets in one mesh",
-    "closed form of the mean: held by its interval in 7 of 8 seeds of each",
-)
-def thin_things(effort: Effort) -> Outcome:
-    """Hold the mean of photons in its interval in all but one of eight seeds; discs span strips and holes."""
-    outcome = Outcome()
-    for name, (surface, covered) in (("net", net()), ("sheet", perforated_sheet())):
-        scene, n, missed = at_the_end_of_a_pipe(surface), effort.count(SEEDS), 0
-        for seed in range(n):
-            result = render(
-                scene, "ppm", 8, seed=effort.seed + seed, max_depth=60, options=PPMOptions(5000)
-            )
-            half = result.mean_half_interval
-            missed += half is None or abs(result.mean - covered * ALBEDO * RADIANCE) > half
-        fault = f"{name}: {missed} of {n} pictures do not hold the mean"
-        outcome += Outcome(rays=n).checked(missed <= 1, fault)
-    return outcome

@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.core.ledger import Ledger
 from hybrid_rt.core.records import FloatArray, NamedPoints
 from hybrid_rt.integrators.context import RenderContext
 from hybrid_rt.integrators.direct_light import SurfaceLight
@@ -28,9 +27,7 @@ from hybrid_rt.integrators.media.beginnings import MediaAroundCamera
 from hybrid_rt.integrators.media.contacts import Contacts
 from hybrid_rt.integrators.photons import PPM
 from hybrid_rt.integrators.photons.density_estimation import Discs, Field, Radii
-from hybrid_rt.integrators.photons.eye_pass import EyePass, PendingPoints
-from hybrid_rt.integrators.photons.light_tracing import shown_rows
-from hybrid_rt.integrators.photons.photon_groups import (
+from hybrid_rt.integrators.photons.emission import (
     NUMBER_BITS,
     Group,
     Piece,
@@ -38,14 +35,15 @@ from hybrid_rt.integrators.photons.photon_groups import (
     names_of,
     size_for_discs,
 )
+from hybrid_rt.integrators.photons.eye_pass import EyePass, PendingPoints
 from hybrid_rt.integrators.photons.photon_tracer import (
     LENS,
     PER_LAUNCH,
     PER_STEP,
     PhotonTracer,
-    chosen,
-    joined,
+    new_photons,
 )
+from hybrid_rt.integrators.rows import joined, rows_of
 from hybrid_rt.integrators.shading import NO_RATIO, Shading
 from hybrid_rt.materials.table import softened
 from hybrid_rt.sampling.sampler import Sampler
@@ -144,7 +142,7 @@ class Probe(PhotonTracer):
         self.has_beginnings = self._direct or bool(kept.any())
         self.is_mixed = bool((kept & ~self._begins).any())
         self.begun = 0.0
-        self.stored, self.number_of_stored = joined([]), np.zeros(0, dtype=np.uint64)
+        self.stored, self.number_of_stored = new_photons(0), np.zeros(0, dtype=np.uint64)
         self.sees_every_light = True
         self.lit, self.light = np.zeros((0, 3)), np.zeros(0)
         self._is_wide = scene.lobes_with(WIDE)
@@ -166,7 +164,7 @@ class Probe(PhotonTracer):
         if not groups:  # what shines is black
             return seen[0]
         mirrors = bool(context.scene.materials_with(FOLLOWED).any())
-        stored, numbers = list[Photons](), [self.number_of_stored]
+        stored, numbers = [self.stored], [self.number_of_stored]
         lit, light = [self.lit], [self.light]
         flight = self._all_launched(groups, ends is not None)
         light_of = np.array([group.light for group in groups])
@@ -192,7 +190,7 @@ class Probe(PhotonTracer):
                 seen.append(self._seen(flight, shading, rows[own], step, None))
                 if mirrors:
                     # Marked as shown: points that the camera sees directly do not gather them.
-                    stored.append(chosen(self._stored(flight, shading, rows, 0), own))
+                    stored.append(rows_of(self._stored(flight, shading, rows, 0), own))
                     numbers.append(flight.number[rows[own]])
             if self._softened is not None:
                 is_first = flight.history & MET_SPREADING == 0
@@ -240,10 +238,7 @@ class Probe(PhotonTracer):
     ) -> Seen:
         """Return what the camera sees of some photons, by wide lobes or by these narrow ones."""
         camera = self.context.scene.camera
-        lens = None
-        if self.context.plan["lens samples"]:
-            lens = self._points(flight.number[rows], step + LENS)
-        rows, splats = shown_rows(self.context, flight, shading, rows, lens, by_narrow)
+        rows, splats = self._shown(flight, shading, rows, step, by_narrow)
         value = splats.value.sum(axis=1) / (3 * camera.width * camera.height)
         is_highlight = np.full(rows.size, by_narrow is not None)
         return Seen(flight.number[rows], splats.pixel, value, is_highlight)
@@ -255,7 +250,7 @@ class Probe(PhotonTracer):
         scene, hits, geometric = self.context.scene, shading.hits, shading.geometric
         n = ends.points.depth.size
         xi = self._points(flight.number[rows], step + LENS)[:, 0]
-        point = ends.points.rows(np.minimum((xi * n).astype(np.intp), n - 1))
+        point = rows_of(ends.points, np.minimum((xi * n).astype(np.intp), n - 1))
         there = point.shading
         way = hits.position[rows] - there.hits.position
         distance = np.maximum(np.linalg.norm(way, axis=1), np.finfo(float).tiny)
@@ -263,8 +258,8 @@ class Probe(PhotonTracer):
         irradiance, value = np.empty((rows.size, 3)), np.empty((rows.size, 3))
         splat_photons(
             scene.lobes, WIDE, shading.material[rows], shading.colors[rows], hits.normal[rows],
-            geometric[rows] if geometric.size else geometric, NO_RATIO, flight.direction[rows],
-            flight.power[rows], way, (distance >= ends.reach).astype(np.float64), irradiance,
+            rows_of(geometric, rows), NO_RATIO, flight.direction[rows], flight.power[rows], way,
+            (distance >= ends.reach).astype(np.float64), irradiance,
         )  # fmt: skip
         # --- radiance back along the camera ray: no foreshortening as of photons on a surface
         normal = there.geometric if there.geometric.size else there.hits.normal
@@ -367,12 +362,12 @@ class View(EyePass):
             return
         ray = self.points.paths.camera_ray
         for k in range(GROUPS):
-            mine = Photons(*(column[group == k] for column in photons))
+            mine = rows_of(photons, group == k)
             rows = np.flatnonzero(ray % GROUPS == k)
             if mine.power.size and rows.size:
                 self.fields = (Discs(mine, self.context.scene.lobes, self._radii, 1.0),)
                 unused = np.zeros((2, self.gathered.size, 3))
-                self._gather(self.points.rows(rows), unused[0], unused[1])
+                self._gather(rows_of(self.points, rows), unused[0], unused[1])
 
     def _note_gathered(
         self, field: Field, camera_ray: NDArray[np.int64], throughput: FloatArray, sums: Sums
@@ -386,10 +381,7 @@ def context_for_photons(
     context: RenderContext, scene: CompiledScene, max_depth: int
 ) -> RenderContext:
     """Return a context whose plan is for photons, with counts of its own."""
-    return replace(
-        context, scene=scene, plan=make_plan(scene, PPM), tracer=context.tracer.with_own_counters(),
-        ledger=Ledger(), max_depth=max_depth,
-    )  # fmt: skip
+    return context.with_own_counts(scene=scene, plan=make_plan(scene, PPM), max_depth=max_depth)
 
 
 def first_surfaces(found: str, light: str, which: Callable[[Iterable[bool]], bool]) -> str:

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from hybrid_rt.integrators import INTEGRATORS, PPMOptions
-from hybrid_rt.integrators.photons import probe
-from hybrid_rt.integrators.photons import unfound_light as unfound
-from hybrid_rt.integrators.photons.probe import beginnings_of
+from hybrid_rt.integrators.probes import probe
+from hybrid_rt.integrators.probes import unfound_light as unfound
+from hybrid_rt.integrators.probes.probe import beginnings_of
 from hybrid_rt.lights import GradientSky, PointLight, RectangleLight
 from hybrid_rt.materials import Dielectric, Lambertian, Metal, Mirror, Mix
 from hybrid_rt.materials.rough_dielectric import RoughDielectric

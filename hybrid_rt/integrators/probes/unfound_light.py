@@ -1,6 +1,6 @@
 """The size of the light that an integrator does not find, estimated by photons.
 
-Photons of the lights concerned are followed by a `hybrid_rt.integrators.photons.probe.Probe`; what the
+Photons of the lights concerned are followed by a `hybrid_rt.integrators.probes.probe.Probe`; what the
 camera sees of them by paths that the integrator does not find is added up. The sum is unbiased for the
 paths that end in ``DE``: on a surface with a wide lobe that the camera sees directly. Paths without any
 ``D`` are not measured.
@@ -19,9 +19,9 @@ import numpy as np
 from hybrid_rt.core.ledger import twelve_digits
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators.context import RenderContext
-from hybrid_rt.integrators.kernels.photon_steps import LOST, Photons
+from hybrid_rt.integrators.kernels.photon_steps import LOST
 from hybrid_rt.integrators.photons.figures import LightNotFound
-from hybrid_rt.integrators.photons.probe import (
+from hybrid_rt.integrators.probes.probe import (
     TRAITS,
     Probe,
     View,
@@ -30,6 +30,7 @@ from hybrid_rt.integrators.photons.probe import (
     group_of_photons,
     probe_of,
 )
+from hybrid_rt.integrators.rows import rows_of
 from hybrid_rt.sensor.film import OVERFLOWS
 from hybrid_rt.sensor.intervals import STUDENT
 from hybrid_rt.sensor.passes import GROUPS
@@ -107,8 +108,7 @@ def _mean_by_group(tracer: Probe, photons_per_pass: int) -> FloatArray:
         view = View(tracer.context, UNFOUND_DIMENSION - 2)
         group = group_of_photons(tracer.number_of_stored)
         for k in range(GROUPS):
-            mine = Photons(*(column[group == k] for column in tracer.stored))
-            view.radiance(mine, k, RAYS * photons_per_pass)
+            view.radiance(rows_of(tracer.stored, group == k), k, RAYS * photons_per_pass)
             total[k] += view.gathered.mean()
     return total
 

@@ -1,10 +1,9 @@
-"""How many camera rays a pass sends through each pixel, and how many shadow rays leave each point.
+"""A pilot set of camera rays, with random numbers that no pass uses, and what it measures.
 
-The photons of a pass often cost more than its camera rays, while most of the noise is that of the
+It finds thin things, and how many camera rays a pass sends through each pixel and shadow rays from each
+point. The photons of a pass often cost more than its camera rays, while most of the noise is that of the
 camera rays (lamps seen by way of glass, edges) or of direct light. Then several of them pay, with the
-same photons. A pilot set of camera rays, with random numbers that no pass uses, measures what the
-noise of a pixel comes from: camera rays, shadow rays, and photons. So the numbers are functions of
-scene, seed and options alone.
+same photons. The numbers are functions of scene, seed and options alone.
 
 The optimum of variance times cost is that of splitting: Arvo and Kirk, "Particle transport and image
 synthesis", SIGGRAPH 1990.
@@ -12,21 +11,27 @@ synthesis", SIGGRAPH 1990.
 
 import itertools
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid_rt.core.ledger import Ledger
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators.context import RenderContext
+from hybrid_rt.integrators.integrator import PIXEL_BITS, CameraBlock
 from hybrid_rt.integrators.kernels.density_estimate import Sums
-from hybrid_rt.integrators.photons.density_estimation import Discs, Field
+from hybrid_rt.integrators.photons.covered_discs import ThinPlaces
+from hybrid_rt.integrators.photons.density_estimation import Discs, Field, Points
 from hybrid_rt.integrators.photons.eye_pass import EyePass, PendingPoints
-from hybrid_rt.integrators.photons.pilot_rays import pilot_rays
+from hybrid_rt.sampling.sampler import UIntArray
 from hybrid_rt.sensor.film import OVERFLOWS
 from hybrid_rt.sensor.image_metrics import DARK
+from hybrid_rt.sensor.passes import GROUPS
+from hybrid_rt.sensor.projection import Projection
 
+# Pixels that its rays go through at most; of small pictures each has several.
+PILOT_PIXELS = 1024
 # Powers of two keep the rays of a pass a net of Sobol's sequence.
 CAMERA_RAYS, SHADOW_RAYS = (1, 2, 4), (1, 2, 4, 8, 16)
 # Over several passes shadow rays fall more evenly than at random, which the pilot set does not see:
@@ -40,6 +45,49 @@ LEFT_OUT = 0.01
 # Density estimation at a point costs about as much as so many rays: 2 in wine_glass, 5 in
 # caustic_through_glass.
 GATHER_COST = 3.0
+
+
+def pilot_rays(camera: Projection, per_pixel: int) -> tuple[UIntArray, UIntArray]:
+    """Return ``pixel`` and ``sample`` (see `CameraBlock`) of ``per_pixel`` rays in a row for each pixel."""
+    n = min(PILOT_PIXELS, camera.width * camera.height)
+    # Spread over the picture by Roberts' sequence: multiples of powers of the plastic number.
+    place = 0.5 + np.arange(n)[:, None] * np.array([0.7548776662466927, 0.5698402909980532])
+    row, column = (place % 1.0 * (camera.height, camera.width)).astype(np.int64).T
+    pixel = np.repeat(row * camera.width + column, per_pixel).astype(np.uint64)
+    # In a group that no pass belongs to.
+    pixel += np.uint64(GROUPS) << PIXEL_BITS
+    return pixel, np.tile(np.arange(per_pixel, dtype=np.uint64), n)
+
+
+def find_thin_places(
+    context: RenderContext, radius_at: Callable[[Points], FloatArray]
+) -> ThinPlaces | None:
+    """Find where discs are wider than what they lie on, by the points of a pilot set.
+
+    ``context``: its counts are left alone.
+    ``radius_at``: returns the radii (n,) of the discs of the first pass.
+    """
+    own = context.with_own_counts()
+    finder = _Finder(own, radius_at)
+    n_pixels = own.scene.camera.width * own.scene.camera.height
+    finder.radiance_through(*pilot_rays(own.scene.camera, max(PILOT_PIXELS // n_pixels, 1)))
+    return finder.thin_places
+
+
+class _Finder(EyePass):
+    """An eye pass that measures how far discs are covered, and gathers no light."""
+
+    def __init__(self, context: RenderContext, radius_at: Callable[[Points], FloatArray]) -> None:
+        super().__init__(context)
+        self._radius_at = radius_at
+
+    def _add_at(self, waiting: PendingPoints, block: CameraBlock, radiance: FloatArray) -> None:
+        del block, radiance
+        points = self._points_of(waiting)
+        rows = np.arange(len(points.xi))
+        self.thin_places = ThinPlaces.of(
+            self.context, self._contacts, points, self._radius_at(points), self._draw(waiting, rows)
+        )
 
 
 @dataclass(frozen=True)
@@ -88,7 +136,7 @@ def measure_work(
     ``photon_rays``: rays of the photons of a pass.
     Returns None if light is beyond the largest number.
     """
-    own = replace(context, tracer=context.tracer.with_own_counters(), ledger=Ledger())
+    own = context.with_own_counts()
     pilot, rays = _PilotEyePass(own, halves), own.ledger.rays
     radiance = pilot.pilot_radiance().reshape(-1, PER_PIXEL, 3)
     n = rays["camera"]
@@ -107,7 +155,7 @@ def measure_work(
     of_each_kept = squares[:, kept].mean(axis=1).tolist()
     pixels = own.scene.camera.width * own.scene.camera.height
     # Each half of the photons was looked for at all points.
-    gathered = (GATHER_COST * pilot.n_points + rays["to photons"]) / len(halves)
+    gathered = (GATHER_COST * pilot.counted["n_points"] + rays["to photons"]) / len(halves)
     seen = rays["camera"] + rays["mirrored or refracted"] + gathered
     return Work(
         of_camera_rays=of_each_kept[0],

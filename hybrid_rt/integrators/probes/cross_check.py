@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.integrators.context import RenderContext
-from hybrid_rt.integrators.photons.photon_tracer import joined
-from hybrid_rt.integrators.photons.probe import (
+from hybrid_rt.integrators.photons.photon_tracer import new_photons
+from hybrid_rt.integrators.probes.probe import (
     Ends,
     Probe,
     Seen,
@@ -33,6 +33,7 @@ from hybrid_rt.integrators.photons.probe import (
     group_of_photons,
     probe_of,
 )
+from hybrid_rt.integrators.rows import joined
 from hybrid_rt.sensor.film import OVERFLOWS, REGIONS, regions_of
 from hybrid_rt.sensor.intervals import STUDENT, TWO_SIDED, score_limits
 from hybrid_rt.sensor.passes import GROUPS
@@ -128,7 +129,7 @@ def _estimated(context: RenderContext, found: str, n: int, dimension: int) -> Me
     own = context_for_photons(context, context.scene, context.max_depth)
     view = View(own, dimension - 2)
     # --- camera rays: lamps and sky that they see, and where they end
-    radiance = view.radiance(joined([]), GROUPS, n)
+    radiance = view.radiance(new_photons(0), GROUPS, n)
     place, ends = view.place, _ends(view, n)
     # --- photons
     probes, all_seen = list[Probe](), list[Seen]()
