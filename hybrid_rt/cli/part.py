@@ -7,6 +7,8 @@ from pathlib import Path
 
 from hybrid_rt.cli.cad import add_reading, read
 from hybrid_rt.cli.command import one_or_more, say
+from hybrid_rt.cli.options import add_progress_options
+from hybrid_rt.cli.render import shown_progress
 from meshing.outputs import check_outputs, replacing
 
 DESCRIPTION = """\
@@ -46,6 +48,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--map", type=Path, metavar="PLY", help="the thickness on triangles, as colours"
     )
     parser.add_argument("--threads", type=one_or_more)
+    add_progress_options(parser)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -65,10 +68,12 @@ def run(options: argparse.Namespace) -> None:
         raise ValueError(f"--map {str(options.map)!r} ends in {options.map.suffix!r}: pass .ply")
     check_outputs([*options.out, *maps], [options.file])
     model = read(options, options.file)
-    report = part_report(
-        model, pull=options.pull, angle=options.angle, seconds=options.seconds,
-        clearances=not options.no_clearance, meshes=options.meshes, threads=options.threads,
-    )  # fmt: skip
+    with shown_progress(options.progress) as progress:
+        report = part_report(
+            model, pull=options.pull, angle=options.angle, seconds=options.seconds,
+            clearances=not options.no_clearance, meshes=options.meshes, threads=options.threads,
+            progress=progress,
+        )  # fmt: skip
     for part in report.parts:
         say(in_text(answers(part, report.unit)))
         for line in warnings_of(part):

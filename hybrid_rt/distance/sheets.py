@@ -268,10 +268,13 @@ def add_edges(sheets: Sheets, trims: TrimTable) -> None:
             number[ERROR] += 0.5 * error * steep
         part, starts = slice(begin, begin + count), dict[int, int]()
         begin += count
+        seams = _seams(surface)
         for (at, degree), row in zip(
             trims.arc[part].tolist(), trims.piece[part].tolist(), strict=True
         ):
             net = trims.net[at : at + degree + 1]
+            if degree == 1 and _as_line(net[:, :2] / net[:, 2:]) in seams:
+                continue
             if at not in starts:
                 starts[at] = _add_arc(sheets, net)
             _add_edge(sheets, spans, first, net, starts[at], sorted((row[:3], row[3:])), 0)
@@ -280,6 +283,27 @@ def add_edges(sheets: Sheets, trims: TrimTable) -> None:
             net[:, 1 - axis] = low, high
             ends = [[0.0, *net[0, :2]], [1.0, *net[1, :2]]]
             _add_edge(sheets, spans, first, net, _add_arc(sheets, net), ends, 1)
+
+
+def _as_line(ends: FloatArray) -> tuple[tuple[float, ...], ...]:
+    """Return both ends of a line in an order that does not depend on its sense."""
+    return tuple(sorted(map(tuple, ends.tolist())))
+
+
+def _seams(surface: TrimmedSurface) -> set[tuple[tuple[float, ...], ...]]:
+    """Return the lines of the loops that are there on both sides of where the surface closes: no ends of it."""
+    lines = {
+        _as_line(curve.control) for loop in surface.loops for curve in loop if curve.degree == 1
+    }
+    seams = set()
+    for axis, closes in enumerate(surface.closes):
+        for line in lines:
+            ends = np.array(line)
+            other = ends.copy()
+            other[:, axis] = 1.0
+            if closes and (ends[:, axis] == 0.0).all() and _as_line(other) in lines:
+                seams |= {line, _as_line(other)}
+    return seams
 
 
 def _lines(surface: TrimmedSurface, spans: FloatArray) -> Iterator[tuple[int, float, float, float]]:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid_rt.core.records import BoolArray, FloatArray
+from hybrid_rt.part.kernels.bounds import BEGINS, CELL_WIDTH, WIDTHS
 from hybrid_rt.primitives import Rectangle, Sphere
 from hybrid_rt.primitives.torus import Torus
 from meshing import BezierPatches, SurfaceOfRevolution, TrimmedSurface
@@ -42,6 +43,8 @@ FAN = 0.27
 ALONG = 17
 # Edges at which normals turn by less are smooth, in radians.
 SMOOTH = 0.02
+# Apexes of cones that are farther off, over their size, are no use.
+FARTHEST_APEX = 100.0
 
 
 class Slopes(NamedTuple):
@@ -112,7 +115,7 @@ class Patch(NamedTuple):
     origin: FloatArray
     axis: FloatArray
     core: int  # 0: the points themselves; else points are ``radius`` along the normal from
-    radius: float  # a point (3), the axis (1), a circle about it (2)
+    radius: float  # a point (3), the axis (1), a circle about it (2); or tangent planes pass through the origin (4)
 
 
 @dataclass(frozen=True)
@@ -246,12 +249,10 @@ class Solid:
             for axis in range(2):
                 lines = np.unique(surface.spans[:, 2 * axis : 2 * axis + 2])
                 for line in (lines[:, None] + np.array([-1.0, 0.0, 1.0])).ravel().tolist():
-                    for i in np.flatnonzero(
-                        (uv[:-1, axis] < line) != (uv[1:, axis] < line)
-                    ).tolist():
+                    is_below = uv[:, axis] < line
+                    for i in np.flatnonzero(is_below[:-1] != is_below[1:]).tolist():
                         ends.append(_crossing(curve, axis, line, s[i], s[i + 1]))
-        ends = sorted(set(ends))
-        return list(pairwise(ends))
+        return list(pairwise(sorted(set(ends))))
 
 
 def _crossing(curve: Curve2, axis: int, line: float, low: float, high: float) -> float:
@@ -295,24 +296,14 @@ def _patches(surface: Any) -> list[Patch]:
         return [Patch(FLAT, Slopes(u, v, 0, 0, 0), 0.0, zero, up, 0, 0.0)]
     if isinstance(surface, Sphere):
         u, v = TURN * surface.radius, 0.5 * TURN * surface.radius
+        rho = surface.orientation * surface.radius
         slopes = Slopes(u, v, *surface.bend)
-        return [
-            Patch(
-                BALL,
-                slopes,
-                TURN,
-                surface.center,
-                surface.pole,
-                3,
-                surface.orientation * surface.radius,
-            )
-        ]
+        return [Patch(BALL, slopes, TURN, surface.center, surface.pole, 3, rho)]
     if isinstance(surface, Torus):
         r = surface.minor_radius
         slopes = Slopes(TURN * (surface.major_radius + r), TURN * r, *surface.bend)
-        return [
-            Patch(TURNED, slopes, TURN, surface.origin, surface.axis, 2, surface.orientation * r)
-        ]
+        rho = surface.orientation * r
+        return [Patch(TURNED, slopes, TURN, surface.origin, surface.axis, 2, rho)]
     if isinstance(surface, SurfaceOfRevolution):
         turn = TURN * (surface.u_range[1] - surface.u_range[0])
         return [
@@ -340,15 +331,14 @@ def _turned(
     speed = slopes_of_net(net[:, None, 1:], None if w is None else w[:, None]).u
     slopes = Slopes(turn * radius, along.u, turn**2 * radius, turn * speed, along.uu)
     is_cylinder = len(net) == 2 and net[0, 1] == net[1, 1]
-    core = (1, radius * float(np.sign(net[1, 0] - net[0, 0]))) if is_cylinder else (0, 0.0)
-    return Patch(TURNED, slopes, turn, surface.origin, surface.axis, *core)
-
-
-# Of each cell: numbers of doubles.
-WIDTHS = {
-    "box": 4, "corners": 12, "eps": 1, "core": 12, "core_eps": 1, "rho": 1, "frame": 9, "spread": 3, "middle": 3,
-    "radius": 1, "way": 3, "way_eps": 1, "is_round": 1,
-}  # fmt: skip
+    origin, core = surface.origin, (0, 0.0)
+    if is_cylinder:
+        core = (1, radius * float(np.sign(net[1, 0] - net[0, 0])))
+    elif len(net) == 2:
+        apex = net[0, 0] - net[0, 1] * (net[1, 0] - net[0, 0]) / (net[1, 1] - net[0, 1])
+        if abs(apex - net[0, 0]) < FARTHEST_APEX * (radius + abs(net[1, 0] - net[0, 0])):
+            origin, core = origin + apex * surface.axis, (4, 0.0)
+    return Patch(TURNED, slopes, turn, origin, surface.axis, *core)
 
 
 class Cells:
@@ -357,7 +347,7 @@ class Cells:
     def __init__(self, solids: list[Solid]) -> None:
         self.solids = solids
         self.n, self.room = 0, 1024
-        self.data = {name: np.empty((self.room, k)) for name, k in WIDTHS.items()}
+        self.number = np.empty((self.room, CELL_WIDTH))
         # solid, face, patch (of all), kind, side (of borders), is inside, is middle inside
         self.ints = np.empty((self.room, 7), np.int64)
         self.children = np.full((self.room, 2), -2, np.int64)
@@ -366,7 +356,7 @@ class Cells:
     def __getattr__(self, name: str) -> Any:
         """Return the column of a name."""
         if name in WIDTHS:
-            return self.data[name][: self.n]
+            return self.number[: self.n, BEGINS[name] : BEGINS[name] + WIDTHS[name]]
         raise AttributeError(name)
 
     def eps_along(self, cells: Ints, directions: FloatArray) -> FloatArray:
@@ -393,11 +383,8 @@ class Cells:
             ]
             if arcs:
                 table = np.array(arcs)
-                made.append(
-                    self._borders(
-                        number, face, table[:, 0].astype(np.int64), table[:, 1:], BORDER, -1
-                    )
-                )
+                sides = table[:, 0].astype(np.int64)
+                made.append(self._borders(number, face, sides, table[:, 1:], BORDER, -1))
         every = np.concatenate(made)
         return every[every >= 0]
 
@@ -455,15 +442,10 @@ class Cells:
         elif kind == FACE:
             corners = self.corners[some].reshape(-1, 4, 3)
             # By how long, and how bent, it is along each parameter.
-            slopes = self.solids[number].slopes[self.ints[some, 2]]
-            du, dv = box[:, 1] - box[:, 0], box[:, 3] - box[:, 2]
-            long_u = (
-                np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1) + 0.125 * slopes[:, 2] * du**2
-            )
-            long_v = (
-                np.linalg.norm(corners[:, 2] - corners[:, 0], axis=1) + 0.125 * slopes[:, 4] * dv**2
-            )
-            axis = np.where(long_u >= long_v, 0, 1)
+            bent = 0.125 * self.solids[number].slopes[self.ints[some, 2]][:, 2::2]
+            bent *= (box[:, 1::2] - box[:, ::2]) ** 2
+            long = np.linalg.norm(corners[:, 1:3] - corners[:, :1], axis=2) + bent
+            axis = (long[:, 0] < long[:, 1]).astype(np.int64)
         else:
             axis = np.zeros(len(some), np.int64)
         rows = np.arange(len(some))
@@ -477,16 +459,14 @@ class Cells:
             new = self._faces(number, face, patch, halves, known)
         else:
             sides = np.repeat(self.ints[some, 4], 2)
-            new = self._borders(
-                number, face, sides, halves[:, :2], kind, np.repeat(self.ints[some, 6], 2)
-            )
+            creases = np.repeat(self.ints[some, 6], 2)
+            new = self._borders(number, face, sides, halves[:, :2], kind, creases)
         return new.reshape(-1, 2)
 
     def _grow(self, n: int) -> slice:
         while self.n + n > self.room:
             self.room *= 2
-            for name, column in self.data.items():
-                self.data[name] = np.resize(column, (self.room, column.shape[1]))
+            self.number = np.resize(self.number, (self.room, CELL_WIDTH))
             self.ints = np.resize(self.ints, (self.room, 7))
             more = np.full((self.room, 2), -2, np.int64)
             more[: self.n] = self.children[: self.n]
@@ -526,32 +506,18 @@ class Cells:
         _, _, s_uu, _, s_vv = slopes.T
         du, dv = u1 - u0, v1 - v0
         eps = 0.125 * (s_uu * du**2 + s_vv * dv**2)
+        middle = (mu, mv, patch)
         self._fill(
-            rows,
-            solid,
-            number_of,
-            at,
-            eps,
-            normal,
-            0.5 * du,
-            0.5 * dv,
-            base,
-            (mu, mv, patch),
-            slopes,
+            rows, solid, number_of, at, eps, normal, 0.5 * du, 0.5 * dv, base, middle, slopes
         )
         is_in = inside | surface.contains(*solid.in_loops(face, mu, mv, patch))[0]
-        self.data["box"][rows] = box
-        table = [
-            np.full(n, number),
-            np.full(n, face),
-            number_of,
-            np.full(n, FACE),
-            np.full(n, -1),
-            inside,
-            is_in,
-        ]
-        self.ints[rows] = np.stack(table, axis=1)
+        self.box[rows] = box
+        self._tell(rows, number, face, number_of, FACE, -1, inside, is_in)
         return out
+
+    def _tell(self, rows: slice, *columns: Any) -> None:
+        for k, column in enumerate(columns):
+            self.ints[rows, k] = column
 
     def _borders(
         self, number: int, face: int, sides: Ints, ends: FloatArray, kind: int, crease: Any
@@ -606,7 +572,7 @@ class Cells:
         self._fill(
             rows, solid, solid.first[face] + own, corners, eps, normal, hu, hv, base, middle, slopes
         )
-        self.data["spread"][rows][crosses] = (2.0, 1.0, 1.0)
+        self.spread[rows][crosses] = (2.0, 1.0, 1.0)
         # The middle of the chord is on the surface, that of the arc on the border.
         at_middle = 0.5 * (ends[:, 0] + ends[:, 1])
         on_curve = np.empty((n, 2))
@@ -614,28 +580,20 @@ class Cells:
             mine = sides == k
             on_curve[mine] = solid.sides[face][k].curve.point(at_middle[mine])
         real, _ = solid.at(face, *on_curve.T)
-        self.data["radius"][rows, 0] += np.linalg.norm(real - self.data["middle"][rows], axis=1)
-        self.data["middle"][rows] = real
+        self.radius[rows, 0] += np.linalg.norm(real - self.middle[rows], axis=1)
+        self.middle[rows] = real
         slides = solid.core[solid.first[face] + own] == 1
-        self.data["core_eps"][rows, 0][slides] = (s_v * off_v)[slides]
-        self.data["box"][rows, :2], self.data["box"][rows, 2:] = ends, 0.0
-        self.data["way_eps"][rows, 0] += (
-            s_v * off_v * (solid.form[solid.first[face] + own] == TURNED)
-        )
+        self.core_eps[rows, 0][slides] = (s_v * off_v)[slides]
+        self.box[rows, :2], self.box[rows, 2:] = ends, 0.0
+        self.way_eps[rows, 0] += s_v * off_v * (solid.form[solid.first[face] + own] == TURNED)
         crease = np.broadcast_to(crease, n)
         if kind == CREASE:  # normals are not those of the face
-            self.data["core"][rows], self.data["rho"][rows] = self.data["corners"][rows], 0.0
-            self.data["core_eps"][rows], self.data["is_round"][rows] = eps[:, None], 0.0
+            self.core[rows], self.rho[rows] = self.corners[rows], 0.0
+            self.core_eps[rows] = eps[:, None]
+            self.is_round[rows], self.is_support[rows], self.ring[rows] = 0.0, 0.0, -1.0
             for i in range(n):
                 self._widen(rows.start + i, self.creases[crease[i]], ends[i])
-        table = [
-            np.full(n, number),
-            np.full(n, face),
-            solid.first[face] + own,
-            np.full(n, kind),
-            sides,
-        ]
-        self.ints[rows] = np.stack([*table, np.ones(n, np.int64), crease], axis=1)
+        self._tell(rows, number, face, solid.first[face] + own, kind, sides, 1, crease)
         return np.arange(rows.start, rows.stop)
 
     def _widen(self, row: int, normals: tuple[FloatArray, FloatArray], ends: FloatArray) -> None:
@@ -657,13 +615,9 @@ class Cells:
         frame = np.stack([middle, way, np.cross(middle, way)])
         reach = np.abs(both @ frame.T)
         slack = 0.25 * bent
-        self.data["frame"][row] = frame.ravel()
+        self.frame[row] = frame.ravel()
         least = float((both @ middle).min())
-        self.data["spread"][row] = [
-            1.0 - least + slack,
-            reach[:, 1].max() + slack,
-            reach[:, 2].max() + slack,
-        ]
+        self.spread[row] = np.array([1.0 - least, reach[:, 1].max(), reach[:, 2].max()]) + slack
 
     def _fill(
         self, rows: slice, solid: Solid, patch: Ints, at: FloatArray, eps: FloatArray, normal: FloatArray,
@@ -702,14 +656,8 @@ class Cells:
             leans = np.abs((normal * axis).sum(axis=1))
             flat = 1.0 - np.cos(turn)
             wide = np.minimum(np.sqrt(np.maximum(1.0 - leans**2, 0.0)) + tilt, 1.0)
-            own = np.stack(
-                [
-                    1.0 - np.cos(tilt) + flat,
-                    np.sin(np.minimum(turn, 0.5 * np.pi)) * wide,
-                    np.sin(tilt) + flat * leans,
-                ],
-                axis=1,
-            )
+            across = np.sin(np.minimum(turn, 0.5 * np.pi)) * wide
+            own = np.stack([1.0 - np.cos(tilt) + flat, across, np.sin(tilt) + flat * leans], axis=1)
             spread[k] = np.minimum(own[k], (2.0, 1.0, 1.0))
             spread[k & ~is_round] = (2.0, 1.0, 1.0)
         if (form == FREE).any():
@@ -719,16 +667,18 @@ class Cells:
             sine = np.clip(off / np.maximum(cross, 1e-300), 0.0, 1.0)
             own = np.stack([1.0 - np.sqrt(1.0 - sine**2), sine, sine], axis=1)
             spread[k] = np.where((sine < 1.0)[:, None], own, (2.0, 1.0, 1.0))[k]
-        core, core_eps, rho = (
-            corners.copy(),
-            eps.copy(),
-            solid.radius[patch] * (solid.core[patch] > 0),
-        )
         kinds = solid.core[patch]
-        self.data["is_round"][rows, 0] = (kinds == 1) | (kinds == 3)
+        core, core_eps, rho = corners.copy(), eps.copy(), solid.radius[patch] * (kinds > 0)
+        self.is_round[rows, 0] = (kinds >= 1) & (kinds <= 3)
+        major = np.where(
+            kinds == 2, solid.slopes[patch, 0] / TURN - np.abs(solid.radius[patch]), 0.0
+        )
+        self.centre[rows] = solid.origin[patch]
+        self.ring[rows, 0] = np.where(kinds == 2, major, np.where(kinds == 3, 0.0, -1.0))
+        self.is_support[rows, 0], self.lean[rows, 0] = kinds == 4, (normal * axis).sum(axis=1)
         if kinds.any():
             origin = solid.origin[patch]
-            core[:, kinds == 3] = origin[kinds == 3]
+            core[:, kinds >= 3] = origin[kinds >= 3]
             along = ((corners - origin) * axis).sum(axis=2)[..., None] * axis
             core[:, kinds == 1] = (origin + along)[:, kinds == 1]
             core_eps[kinds != 0] = 0.0
@@ -736,17 +686,13 @@ class Cells:
                 k = kinds == 2
                 out = corners - origin - along
                 out /= np.maximum(np.linalg.norm(out, axis=2), 1e-300)[..., None]
-                major = solid.slopes[patch, 0] / TURN - np.abs(solid.radius[patch])
                 core[:, k] = (origin + major[:, None] * out)[:, k]
                 core_eps[k] = (major * (1.0 - np.cos(np.minimum(TURN * hu, np.pi))))[k]
-        data = self.data
-        data["corners"][rows] = corners.transpose(1, 0, 2).reshape(n, 12)
-        data["core"][rows] = core.transpose(1, 0, 2).reshape(n, 12)
+        self.corners[rows] = corners.transpose(1, 0, 2).reshape(n, 12)
+        self.core[rows] = core.transpose(1, 0, 2).reshape(n, 12)
         # Along a plane's normal, or an axis, points are nearer to the hull.
-        data["way"][rows] = np.where(
-            (form == FLAT)[:, None], normal, axis * (form == TURNED)[:, None]
-        )
-        data["way_eps"][rows, 0] = 0.5 * s_vv * hv**2 * (form == TURNED)
-        data["eps"][rows, 0], data["core_eps"][rows, 0], data["rho"][rows, 0] = eps, core_eps, rho
-        data["frame"][rows] = np.stack([normal, t_u, t_v], axis=1).reshape(n, 9)
-        data["spread"][rows], data["middle"][rows], data["radius"][rows, 0] = spread, at[4], away
+        self.way[rows] = np.where((form == FLAT)[:, None], normal, axis * (form == TURNED)[:, None])
+        self.way_eps[rows, 0] = 0.5 * s_vv * hv**2 * (form == TURNED)
+        self.eps[rows, 0], self.core_eps[rows, 0], self.rho[rows, 0] = eps, core_eps, rho
+        self.frame[rows] = np.stack([normal, t_u, t_v], axis=1).reshape(n, 9)
+        self.spread[rows], self.middle[rows], self.radius[rows, 0] = spread, at[4], away

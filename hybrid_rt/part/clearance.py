@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.distance import ClosestPoint
 from hybrid_rt.part.cells import BORDER, FACE, Cells, Ints, Solid
-from hybrid_rt.part.pairs import ANY, BOTH, FIRST, Found, PairSearch
+from hybrid_rt.part.kernels.bounds import ANY, BOTH, FIRST
+from hybrid_rt.part.pairs import Found, Heard, PairSearch
 from meshing import TrimmedSurface
 
 
 def least_clearance(
     one: list[TrimmedSurface], other: list[TrimmedSurface], tolerance: float, seconds: float,
-    threads: int | None = None,
+    threads: int | None = None, heard: Heard = None,
 ) -> Found:  # fmt: skip
     """Find the least distance of two closed bodies; 0 if they touch, or one reaches into the other.
 
     Within two faces the shortest way is along both normals; from a border to a face along the face's; between
     borders any way may be the shortest.
     """
-    began = time.perf_counter()
     bodies = [Solid(one), Solid(other)]
     size = max(body.size for body in bodies)
     nearest = [
@@ -49,7 +47,7 @@ def least_clearance(
 
     some = np.concatenate(roots)
     found.take(*values(some, some, some))
-    search = PairSearch(cells, size, np.pi, sign=-1.0)
+    search = PairSearch(cells, size, np.pi, sign=-1.0, threads=threads, heard=heard)
     kinds = [cells.ints[r, 3] for r in roots]
     (flat, rim), (flat_2, rim_2) = (
         (r[k == FACE], r[k == BORDER]) for r, k in zip(roots, kinds, strict=True)
@@ -61,9 +59,7 @@ def least_clearance(
         a, b = search.near(first, second, found.value)
         whole.append((a, b, np.full(len(a), kind)))
     a, b, kind_of = (np.concatenate(x) for x in zip(*whole, strict=True))
-    search.least((a, b, kind_of), found, values, tolerance, began + seconds)
-    found.seconds = time.perf_counter() - began
-    return found
+    return search.least((a, b, kind_of), found, values, tolerance, seconds)
 
 
 def _is_real(cells: Cells, some: Ints) -> FloatArray:

@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from hybrid_rt.core.records import BoolArray, FloatArray
-from hybrid_rt.part.cells import BORDER, FACE, TURN, TURNED, Cells, Ints, Solid
+from hybrid_rt.part.cells import BALL, BORDER, FACE, TURN, TURNED, Cells, Ints, Solid
 
 # Cells smaller than this part of the size are no longer halved; so many halvings at most.
 SMALLEST, DEEPEST = 1e-9, 60
-# Cells by which drafts are found, at once.
+# Cells by which boxes and drafts are found, at once.
 MOST_CELLS = 50_000
 
 
@@ -55,10 +55,15 @@ def _farthest(
         upper = (
             points.max(axis=1) + cells.eps_along(leaves, np.tile(way, (len(leaves), 1, 1)))[:, 0]
         )
+        # Points are rho along the normal from their core, where they have one.
+        core = (cells.core[leaves].reshape(-1, 4, 3) @ way).max(axis=1)
+        core += cells.core_eps[leaves, 0] + np.abs(cells.rho[leaves, 0])
+        upper = np.where(cells.is_round[leaves, 0] > 0.0, np.minimum(upper, core), upper)
         kinds = cells.ints[leaves]
         real = (kinds[:, 3] == BORDER) | (kinds[:, 6] == 1)
         best = max(best, float((cells.middle[leaves[real]] @ way).max(initial=-np.inf)))
-        # Of a straight border the ends are reached, too.
+        # The first two corners of an arc are its ends.
+        best = max(best, float(points[kinds[:, 3] == BORDER, :2].max(initial=-np.inf)))
         keeps = (upper > best + tolerance) & (
             (kinds[:, 3] != FACE) | _may_lie_along(cells, leaves, way)
         )
@@ -70,7 +75,7 @@ def _farthest(
             ),
         )
         leaves = leaves[keeps & ~done]
-        if not len(leaves):
+        if not len(leaves) or len(leaves) > MOST_CELLS:
             break
         flat = cells.ints[leaves, 3] == FACE
         arcs = leaves[~flat]
@@ -79,22 +84,23 @@ def _farthest(
         leaves = np.concatenate(
             [cells.cut(leaves[flat], _axis_to_cut(cells, leaves[flat], way)), arcs[arcs >= 0]]
         )
-    else:
+    if len(leaves):
         points = cells.corners[leaves].reshape(-1, 4, 3) @ way
         floor = max(floor, float((points.max(axis=1) + cells.eps[leaves, 0]).max()))
     return best, max(best, floor)
 
 
 def _axis_to_cut(cells: Cells, leaves: Ints, way: FloatArray) -> Ints:
-    """Return the parameter along which cells bend more, as seen along a direction; else the longer one."""
-    patch = cells.ints[leaves, :3]
-    s_u, s_v, s_uu, _, s_vv = (
-        np.array([cells.solids[i].slopes[k] for i, _, k in patch.tolist()]).reshape(-1, 5).T
-    )
+    """Return the parameter along which cells bend and rise more, as seen along a direction."""
+    solid, patch = cells.solids[0], cells.ints[leaves, 2]
+    s_uu, s_vv = solid.slopes[patch][:, 2::2].T
     half = 0.5 * (cells.box[leaves][:, 1::2] - cells.box[leaves][:, ::2])
-    across = np.sqrt(np.maximum(1.0 - (cells.way[leaves] @ way) ** 2, 0.0))
-    bent_u = s_uu * half[:, 0] ** 2 * across + 1e-3 * s_u * half[:, 0]
-    bent_v = s_vv * half[:, 1] ** 2 + 1e-3 * s_v * half[:, 1]
+    turns = np.isin(solid.form[patch], (TURNED, BALL))
+    across = np.sqrt(np.maximum(1.0 - turns * (solid.axis[patch] @ way) ** 2, 0.0))
+    # What does not change along a parameter is not cut by it.
+    rise = cells.corners[leaves].reshape(-1, 4, 3) @ way
+    bent_u = s_uu * half[:, 0] ** 2 * across + np.abs(rise[:, 1::2] - rise[:, ::2]).max(axis=1)
+    bent_v = s_vv * half[:, 1] ** 2 + np.abs(rise[:, 2:] - rise[:, :2]).max(axis=1)
     return (bent_u < bent_v).astype(np.int64)
 
 

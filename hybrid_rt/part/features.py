@@ -56,7 +56,7 @@ def features_of(walls: Walls) -> list[Feature]:
     groups: dict[tuple[Any, ...], list[int]] = {}
     shapes = {}
     for face, surface in enumerate(solid.surfaces):
-        shape = _shape(surface.surface)
+        shape = shape_of(surface.surface)
         if shape is not None:
             shapes[face] = shape
             groups.setdefault(_key(shape, size), []).append(face)
@@ -69,7 +69,9 @@ def features_of(walls: Walls) -> list[Feature]:
 
 
 @dataclass(frozen=True)
-class _Shape:
+class Shape:
+    """A cylinder, torus (``radius`` of its tube) or sphere."""
+
     name: str
     radius: float
     is_concave: bool
@@ -79,54 +81,35 @@ class _Shape:
     major: float = 0.0
 
 
-def _shape(surface: Any) -> _Shape | None:
+def shape_of(surface: Any) -> Shape | None:
     """Return a cylinder, torus or sphere."""
     if isinstance(surface, Torus):
-        return _Shape(
-            "torus",
-            surface.minor_radius,
-            surface.orientation < 0,
-            surface.origin,
-            surface.axis,
-            surface.radial,
+        return Shape(
+            "torus", surface.minor_radius, surface.orientation < 0, surface.origin, surface.axis, surface.radial,
             surface.major_radius,
-        )
+        )  # fmt: skip
     if isinstance(surface, Sphere):
-        return _Shape(
-            "sphere",
-            surface.radius,
-            surface.orientation < 0,
-            surface.center,
-            np.full(3, np.nan),
-            np.zeros(3),
+        none = np.full(3, np.nan)
+        return Shape(
+            "sphere", surface.radius, surface.orientation < 0, surface.center, none, np.zeros(3)
         )
-    if (
-        isinstance(surface, SurfaceOfRevolution)
-        and len(surface) == 1
-        and len(surface.segments[0]) == 2
-    ):
+    if isinstance(surface, SurfaceOfRevolution) and [len(s) for s in surface.segments] == [2]:
         (a, r), (b, s) = surface.segments[0].tolist()
         if r == s:
-            return _Shape("cylinder", r, b < a, surface.origin, surface.axis, surface.radial)
+            return Shape("cylinder", r, b < a, surface.origin, surface.axis, surface.radial)
     return None
 
 
-def _key(shape: _Shape, size: float) -> tuple[Any, ...]:
+def _key(shape: Shape, size: float) -> tuple[Any, ...]:
     """Return what is equal for faces of one cylinder, torus or sphere."""
     origin, axis = shape.origin, shape.axis
     if shape.name != "sphere":
         axis = axis * np.sign(axis[np.abs(axis).argmax()])
     if shape.name == "cylinder":
         origin = origin - (origin @ axis) * axis
-    near = np.round(np.concatenate([origin, [shape.radius, shape.major]]) / (SAME * size)).astype(
-        int
-    )
-    return (
-        shape.name,
-        shape.is_concave,
-        *near.tolist(),
-        *np.round(np.nan_to_num(axis), 6).tolist(),
-    )
+    near = np.round(np.concatenate([origin, [shape.radius, shape.major]]) / (SAME * size))
+    way = np.round(np.nan_to_num(axis), 6)
+    return shape.name, shape.is_concave, *near.astype(int).tolist(), *way.tolist()
 
 
 def _connected(faces: list[int], joints: dict[int, list[Joint]]) -> list[list[int]]:
@@ -146,15 +129,15 @@ def _connected(faces: list[int], joints: dict[int, list[Joint]]) -> list[list[in
 
 
 def _features(
-    walls: Walls, faces: list[int], shape: _Shape, joints: dict[int, list[Joint]]
+    walls: Walls, faces: list[int], shape: Shape, joints: dict[int, list[Joint]]
 ) -> list[Feature]:
     solid = walls.solid
     if shape.name == "cylinder":
         turn, low, high = _reach(solid, faces, shape)
         if turn >= WHOLE * TURN:
-            kind, end = (
-                ("hole", _end(walls, shape, low, high)) if shape.is_concave else ("boss", "")
-            )
+            kind, end = "boss", ""
+            if shape.is_concave:
+                kind, end = "hole", _end(walls, shape, low, high)
             axis = np.stack([shape.origin + low * shape.axis, shape.axis])
             return [Feature(kind, shape.radius, tuple(faces), axis, high - low, end)]
     else:
@@ -167,7 +150,7 @@ def _features(
     return [Feature(kind, shape.radius, tuple(faces), axis, high - low, "")]
 
 
-def _reach(solid: Solid, faces: list[int], shape: _Shape) -> tuple[float, float, float]:
+def _reach(solid: Solid, faces: list[int], shape: Shape) -> tuple[float, float, float]:
     """Return how far faces go around an axis, and from where to where along it."""
     ends, wide = [], []
     reference = shape.radial
@@ -194,7 +177,7 @@ def _reach(solid: Solid, faces: list[int], shape: _Shape) -> tuple[float, float,
     )
 
 
-def _end(walls: Walls, shape: _Shape, low: float, high: float) -> str:
+def _end(walls: Walls, shape: Shape, low: float, high: float) -> str:
     """Tell whether rays along the axis of a hole, from its middle, meet the part on neither side."""
     middle = shape.origin + 0.5 * (low + high) * shape.axis
     hits = walls.tracer.intersect(np.stack([middle, middle]), np.stack([shape.axis, -shape.axis]))

@@ -27,6 +27,8 @@ from meshing.curve2 import Curve2
 NODES = (16, 24)
 # Grids of rays, squares along each of their sides, and the quantile of Student's t of 7 degrees of freedom for 99 %.
 GRIDS, SQUARES, QUANTILE = 8, 100, 3.499
+# What no ray has met has, at 99 %, no more than so many squares: else one of the grids would have met it.
+UNSEEN = float(-np.log(0.01) / GRIDS)
 # Points at which the integrand is computed at once.
 AT_ONCE = 200_000
 
@@ -65,11 +67,12 @@ class Mass:
     unpaired: int
 
 
-def mass_of(solid: Solid, tracer: Intersector, box: FloatArray) -> Mass:
-    """Integrate over a closed body within a box (2, 3)."""
+def mass_of(solid: Solid, tracer: Intersector, box: FloatArray) -> tuple[Mass, FloatArray]:
+    """Integrate over a closed body within a box (2, 3); return the areas of its faces, too."""
     middle = box.mean(axis=0)
     faces = range(len(solid.surfaces))
-    coarse, fine = (np.sum([_over_face(solid, k, middle, n) for k in faces], axis=0) for n in NODES)
+    by_face = [np.array([_over_face(solid, k, middle, n) for k in faces]) for n in NODES]
+    coarse, fine = (x.sum(axis=0) for x in by_face)
     (volume, area), center = fine[:2], fine[2:5] / fine[0]
     second = np.diag(fine[5:8])
     for k, (i, j) in enumerate(((0, 1), (1, 2), (2, 0))):
@@ -77,10 +80,11 @@ def mass_of(solid: Solid, tracer: Intersector, box: FloatArray) -> Mass:
     second -= volume * np.outer(center, center)
     error = np.abs(fine - coarse)
     chords = _by_chords(tracer, box, solid.size)
-    return Mass(
+    mass = Mass(
         float(volume), float(area), middle + center, np.trace(second) * np.eye(3) - second,
         float(error[0]), float(error[1]), float(np.linalg.norm(error[2:5] / volume)), *chords,
     )  # fmt: skip
+    return mass, by_face[1][:, 1]
 
 
 def _over_face(solid: Solid, face: int, middle: FloatArray, n: int) -> FloatArray:
@@ -166,9 +170,10 @@ def _by_chords(
     tracer: Intersector, box: FloatArray, size: float
 ) -> tuple[float, FloatArray, float, float, int, int]:
     """Return volume, centre, their errors, rays, and how many did not pair up."""
-    low, high = box[0] - 1e-6 * size, box[1] + 1e-6 * size
+    low, high = box.copy()
     axis = int(np.argmin(high - low))
     i, j = (axis + 1) % 3, (axis + 2) % 3
+    low[axis], high[axis] = low[axis] - 1e-6 * size, high[axis] + 1e-6 * size
     cell = (high - low) / SQUARES
     rng = np.random.default_rng(7)
     sums, proven, lost = np.empty((GRIDS, 4)), 0.0, 0
@@ -198,6 +203,7 @@ def _by_chords(
     center = means[:3] / means[3]
     spread = (sums[:, :3] - center * sums[:, 3:]) / means[3]
     root = QUANTILE / np.sqrt(GRIDS)
+    proven += UNSEEN * float((high - low)[axis])
     error = float(root * volume.std(ddof=1) + square * proven)
     off = root * float(np.linalg.norm(spread.std(axis=0, ddof=1))) + size * proven / means[3]
     return float(volume.mean()), center, error, float(off), GRIDS * len(grid), lost

@@ -46,14 +46,13 @@ class MeshRow:
 def mesh_rows(walls: Walls, volume: float, ray: Found) -> list[MeshRow]:
     """Take the answers from meshes of several tolerances; those that take too many triangles are left out."""
     surfaces, size, rows = walls.solid.surfaces, walls.size, []
-    some = walls.samples
     for share in TOLERANCES:
         try:
             mesh = tessellate(tuple(surfaces), share * size, max_triangles=MOST_TRIANGLES)
         except ValueError:
             break
         body = TriangleMesh(mesh.mesh)
-        near = ClosestPoint(body).query(walls.cells.middle[some])
+        near = ClosestPoint(body).query(walls.sampled[0])
         rows.append(MeshRow(
             share * size, len(mesh), abs(float(mesh.mesh.volume) / volume - 1.0),
             abs(_thickness(body, ray.place, size) / ray.value - 1.0) if np.isfinite(ray.value) else np.nan,

@@ -44,20 +44,11 @@ def page_of(report: Report, title: str, walls: Sequence[Walls]) -> str:
         parts += _part(part, own, report)
     if report.clearances:
         rows = [
-            [
-                f"{c.parts[0]} and {c.parts[1]}",
-                _value(c.found),
-                f"{c.found.bound:.6g}",
-                _sure(c.found),
-                _place(c.found),
-            ]
+            ["{} and {}".format(*c.parts), _value(c.found), f"{c.found.bound:.6g}", _sure(c.found), _place(c.found)]
             for c in report.clearances
-        ]
-        parts.append(
-            as_table(
-                Table("Clearance", ["parts", "distance", "proven at least", "", "where"], rows)
-            )
-        )
+        ]  # fmt: skip
+        head = ["parts", "distance", "proven at least", "", "where"]
+        parts.append(as_table(Table("Clearance", head, rows)))
     if report.skipped:
         parts += ["<h2>Left out</h2><ul>", as_items(report.skipped), "</ul>"]
     return Template(
@@ -92,12 +83,8 @@ def answers(part: PartReport, unit: str) -> Table:
     title = f"Part {part.part}: {part.name or 'no name'}" + (
         f", in {part.places} places" if part.places > 1 else ""
     )
-    return Table(
-        f"{title} ({unit})",
-        ["", "value", "error, or bound", "how sure", "where, or how"],
-        rows,
-        words,
-    )
+    head = ["", "value", "error, or bound", "how sure", "where, or how"]
+    return Table(f"{title} ({unit})", head, rows, words)
 
 
 def warnings_of(part: PartReport) -> list[str]:
@@ -122,19 +109,14 @@ def tables_of(part: PartReport) -> list[Table]:
             [f.kind, f"{f.radius:.6g}", "" if np.isnan(f.depth) else f"{f.depth:.6g}", f.end, _at(f.axis[0]), ", ".join(map(str, f.faces[:6]))]
             for f in part.features[:LISTED]
         ]  # fmt: skip
-        made.append(
-            Table(
-                f"Holes and fillets: {len(part.features)}",
-                ["kind", "radius", "length", "end", "at", "faces"],
-                rows,
-            )
-        )
-    head = ["face", "kind", "thickness", "ball"]
+        head = ["kind", "radius", "length", "end", "at", "faces"]
+        made.append(Table(f"Holes and fillets: {len(part.features)}", head, rows))
+    head = ["face", "kind", "area", "thickness", "ball"]
     has_draft = any(row.draft for row in part.faces)
     head += ["draft from", "to", "undercut"] if has_draft else []
     rows = []
     for row in sorted(part.faces, key=lambda r: (np.isnan(r.thickness), r.thickness))[:LISTED]:
-        cells = [str(row.face), row.kind, _number(row.thickness), _number(row.ball)]
+        cells = [str(row.face), row.kind, *map(_number, (row.area, row.thickness, row.ball))]
         if row.draft:
             cells += [
                 f"{row.draft.least_bound:.4f}",
@@ -160,14 +142,8 @@ def tables_of(part: PartReport) -> list[Table]:
                 ("The least thickness", "thickness_error"),
             )
         ] + ["A deviation d is 1 % wrong where the mesh is off by d / 100: see the last column."]
-        made.append(
-            Table(
-                "The same from a mesh",
-                ["tolerance", "triangles", "volume off", "thickness off", "mesh off by"],
-                rows,
-                words,
-            )
-        )
+        head = ["tolerance", "triangles", "volume off", "thickness off", "mesh off by"]
+        made.append(Table("The same from a mesh", head, rows, words))
     return made
 
 

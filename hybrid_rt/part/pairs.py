@@ -10,7 +10,8 @@ four kinds of pairs, and every local minimum is in one of them:
 * ANY: nothing is asked.
 
 With S = core + rho n a chord along both normals has t = (core_p - core_q) n + rho_p + rho_q. So walls of constant
-thickness, as tubes and shells have, are proven at once.
+thickness, as tubes and shells have, are proven at once. Of a cone, (S - apex) n = 0: the apex does for the core of p, and
+of q where both normals are along the chord.
 """
 
 from __future__ import annotations
@@ -22,15 +23,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hybrid_rt.core.records import BoolArray, FloatArray
+from hybrid_rt.core.threads import Pool
 from hybrid_rt.part.cells import Cells, Ints
+from hybrid_rt.part.kernels.bounds import FIRST, bounds_of_pairs
 
-BOTH, FIRST, TOUCHING, ANY = range(4)
 # Pairs that are halved at once, and those of which the value is computed.
 BATCH, TRIED = 40_000, 400
+# Rounds without such values, at most.
+MOST_ROUNDS_WITHOUT = 8
 # Pairs compared at once by their boxes.
 PAIRED = 4_000_000
-# Numbers are rounded, over the size of the part; normals, and angles.
-ROUNDED, TILTED = 1e-12, 1e-9
+# Numbers are rounded, over the size of the part.
+ROUNDED = 1e-12
 # Of faces that meet, cells are halved down to this part of the size.
 MEETING = 1e-6
 # Cells smaller than this part of the size are no longer halved.
@@ -72,6 +76,8 @@ class Found:
             self.faces = int(faces[k, 0]), int(faces[k, 1])
 
 
+# Hears the share of its time that a search has taken.
+Heard = Callable[[float], None] | None
 # Of pairs of cells (first, second, kind): values, places and faces of real chords, inf where there is none.
 Values = Callable[[Ints, Ints, Ints], tuple[FloatArray, FloatArray, Ints]]
 
@@ -90,12 +96,16 @@ class PairSearch:
         1: chords inside the material; -1: outside.
     zero : float
         Pairs of faces that come nearer than this count as touching, and no further; 0: none does.
+    threads : int, optional
+    heard : Heard, optional
     """
 
     def __init__(
-        self, cells: Cells, size: float, angle: float, *, sign: float = 1.0, zero: float = 0.0
-    ) -> None:
+        self, cells: Cells, size: float, angle: float, *, sign: float = 1.0, zero: float = 0.0,
+        threads: int | None = None, heard: Heard = None,
+    ) -> None:  # fmt: skip
         self.cells, self.size, self.angle, self.sign, self.zero = cells, size, angle, sign, zero
+        self._pool, self._heard = Pool(threads), heard
 
     def near(self, first: Ints, second: Ints, reach: float) -> tuple[Ints, Ints]:
         """Return pairs of cells whose boxes are within reach of each other."""
@@ -120,30 +130,39 @@ class PairSearch:
         return corners.min(axis=1) - eps, corners.max(axis=1) + eps
 
     def least(
-        self, pairs: tuple[Ints, Ints, Ints], found: Found, values: Values, tolerance: float, deadline: float,
+        self, pairs: tuple[Ints, Ints, Ints], found: Found, values: Values, tolerance: float, seconds: float,
         skips: Callable[[Ints, Ints, Ints], BoolArray] | None = None,
     ) -> Found:  # fmt: skip
         """Search all of some pairs (first, second, kind); ``found`` may hold a value to begin with."""
-        began = time.perf_counter()
         a, b, kind = pairs
-        lower, alive = self._bounds(a, b, kind, found.value)
+        lower = self._bounds(a, b, kind, found.value)  # compiled before the clock starts
+        began = time.perf_counter()
+        waits = rest = 0
+        alive = np.isfinite(lower)
         a, b, kind, lower = a[alive], b[alive], kind[alive], lower[alive]
         floor = np.inf
         while len(a):
             found.n_pairs += len(a)
+            if self._heard is not None:
+                self._heard((time.perf_counter() - began) / seconds)
             a, b, kind, lower = self._without_touching(a, b, kind, lower, found)
             over = lower >= found.value - tolerance
             floor = min(floor, float(lower[over].min(initial=np.inf)))
             a, b, kind, lower = a[~over], b[~over], kind[~over], lower[~over]
-            if not len(a) or time.perf_counter() > deadline:
+            if not len(a) or time.perf_counter() > began + seconds:
                 break
             order = np.argsort(lower, kind="stable")
-            some = order[:TRIED]
-            before = found.value
-            found.take(*values(a[some], b[some], kind[some]))
-            if found.value < before:
-                continue
-            some, rest = order[:BATCH], order[BATCH:]
+            if rest == 0:
+                some, before = order[:TRIED], found.value
+                found.take(*values(a[some], b[some], kind[some]))
+                if found.value < before:
+                    waits = 0
+                    continue
+                # What has not helped is tried less often.
+                waits = rest = min(waits + 1, MOST_ROUNDS_WITHOUT)
+            else:
+                rest -= 1
+            some, others = order[:BATCH], order[BATCH:]
             big = np.maximum(self.cells.radius[a[some], 0], self.cells.radius[b[some], 0])
             if (big < SMALLEST * self.size).any():
                 stuck = some[big < SMALLEST * self.size]
@@ -153,17 +172,19 @@ class PairSearch:
             if skips is not None and len(x):
                 keeps = ~skips(x, y, z)
                 x, y, z = x[keeps], y[keeps], z[keeps]
-            own, alive = self._bounds(x, y, z, found.value)
+            own = self._bounds(x, y, z, found.value)
+            alive = np.isfinite(own)
             a, b, kind = (
-                np.concatenate([old[rest], new[alive]]) for old, new in ((a, x), (b, y), (kind, z))
+                np.concatenate([old[others], new[alive]])
+                for old, new in ((a, x), (b, y), (kind, z))
             )
-            lower = np.concatenate([lower[rest], own[alive]])
+            lower = np.concatenate([lower[others], own[alive]])
         floor = min(floor, float(lower.min(initial=np.inf)))
         found.bound = max(min(floor, found.value) - ROUNDED * self.size, 0.0)
         if np.isinf(floor) and np.isinf(found.value):
             found.bound = np.inf
         found.is_proven = bool(found.bound >= found.value - 2.0 * tolerance)
-        found.seconds += time.perf_counter() - began
+        found.seconds = time.perf_counter() - began
         return found
 
     def _without_touching(
@@ -204,121 +225,14 @@ class PairSearch:
         keeps = (first >= 0) & (second >= 0) & ~twice
         return first[keeps], second[keeps], whole[keeps]
 
-    def _bounds(self, a: Ints, b: Ints, kind: Ints, most: float) -> tuple[FloatArray, BoolArray]:
-        """Return lower bounds of chords of pairs, and whether there may be any below ``most``."""
-        lower, alive = np.zeros(len(a)), np.ones(len(a), np.bool_)
-        for begin in range(0, len(a), BATCH):
-            part = slice(begin, begin + BATCH)
-            lower[part], alive[part] = self._bounds_of(a[part], b[part], kind[part], most)
-        return lower, alive
+    def _bounds(self, a: Ints, b: Ints, kind: Ints, most: float) -> FloatArray:
+        """Return lower bounds of the chords of pairs; inf: there is none below ``most``."""
+        lower = np.empty(len(a))
+        rest = most, self.angle, self.sign, ROUNDED * self.size
 
-    def _bounds_of(self, a: Ints, b: Ints, kind: Ints, most: float) -> tuple[FloatArray, BoolArray]:
-        cells, n = self.cells, len(a)
-        p, q = (cells.corners[c].reshape(n, 4, 3) for c in (a, b))
-        # --- by the direction between the middles
-        way = cells.middle[a] - cells.middle[b]
-        way = way / np.maximum(np.linalg.norm(way, axis=1), 1e-300)[:, None]
-        lower = np.einsum("nkj,nj->nk", p, way).min(axis=1) - np.einsum("nkj,nj->nk", q, way).max(
-            axis=1
-        )
-        lower -= self._eps(a, b, way[:, None])[:, 0]
-        alive = np.ones(n, np.bool_)
-        frames = [
-            cells.frame[c].reshape(n, 3, 3) * np.array([self.sign, 1.0, 1.0])[:, None]
-            for c in (a, b)
-        ]
-        spreads = [cells.spread[c] + TILTED for c in (a, b)]
-        # Angles by which normals of each may be off those of the middles, and of the second turned to the first.
-        widths = [
-            2.0 * np.arcsin(np.minimum(0.5 * np.sqrt((s**2).sum(axis=1)), 1.0)) for s in spreads
-        ]
-        turn = -(frames[0][:, 0] * frames[1][:, 0]).sum(axis=1)
-        between = np.arccos(np.clip(turn, -1.0, 1.0))
-        both, first, touching = kind == BOTH, kind == FIRST, kind == TOUCHING
-        for own, (own_frame, other_frame) in enumerate((frames, frames[::-1])):
-            x, y = (p, q) if own == 0 else (q, p)
-            spread, wide = spreads[own], spreads[1 - own]
-            along = np.einsum("nij,nkj->nik", own_frame, x), np.einsum("nij,nkj->nik", own_frame, y)
-            eps = self._eps(a, b, own_frame)
-            low = along[0].min(axis=2) - along[1].max(axis=2) - eps
-            high = along[0].max(axis=2) - along[1].min(axis=2) + eps
-            apart = np.maximum(np.maximum(low, -high), 0.0)
-            lower = np.maximum(lower, np.sqrt((apart**2).sum(axis=1)))
-            product = np.einsum("nij,nkj->nik", own_frame, other_frame)
-            turned = -product[:, :, 0]
-            reach = np.einsum("nik,nk->ni", np.abs(product), wide)
-            # --- the chord is along the own normal
-            is_normal = both | (first if own == 0 else False)
-            lateral = most * spread[:, 1:]
-            fits = (high[:, 0] > 0.0) | (spread[:, 0] >= 1.0)
-            fits &= ((low[:, 1:] <= lateral) & (high[:, 1:] >= -lateral)).all(axis=1)
-            alive &= fits | ~is_normal
-            # --- both are along it
-            fits = turned[:, 0] + reach[:, 0] >= 1.0 - spread[:, 0]
-            fits &= (np.abs(turned[:, 1:]) <= spread[:, 1:] + reach[:, 1:]).all(axis=1)
-            alive &= fits | ~both
-            if is_normal.any() or touching.any():
-                # The cosine between the normals, turned to each other.
-                least = np.minimum(between + widths[0] + widths[1], self.angle + TILTED)
-                least = np.where(both, 1.0, np.cos(least))
-                by_core = self._core_bound(a, b, own, own_frame, spread, least, is_normal)
-                lower = np.where(is_normal, np.maximum(lower, by_core), lower)
-            # --- a ball touches both: p - q = r (n_p - n_q)
-            if touching.any():
-                r = 0.5 * most
-                left = np.minimum(r * (turned[:, 1:] - spread[:, 1:] - reach[:, 1:]), 0.0)
-                right = np.maximum(r * (turned[:, 1:] + spread[:, 1:] + reach[:, 1:]), 0.0)
-                fits = ((low[:, 1:] <= right) & (high[:, 1:] >= left)).all(axis=1) & (
-                    high[:, 0] > 0.0
-                )
-                alive &= fits | ~touching
-                # 2 r (1 + c) / 2 = (core_p - core_q) n_p + rho_p + rho_q c, monotone in c = -n_p n_q.
-                ends = [
-                    2.0 * self._core_bound(a, b, own, own_frame, spread, c) / (1.0 + c)
-                    for c in (least, np.ones(n))
-                ]
-                lower = np.where(touching, np.maximum(lower, np.minimum(*ends)), lower)
-            # --- walls are opposite
-            alive &= (between - widths[0] - widths[1] <= self.angle) | both | (kind == ANY)
-        return lower, alive & (lower < most)
+        def work(begin: int, end: int) -> None:
+            part = slice(begin, end)
+            bounds_of_pairs(self.cells.number, a[part], b[part], kind[part], *rest, lower[part])
 
-    def _eps(self, a: Ints, b: Ints, directions: FloatArray) -> FloatArray:
-        """Return how far points of both cells are from their hulls along directions (n, k, 3)."""
-        eps = np.full(directions.shape[:2], ROUNDED * self.size)
-        for cell in (a, b):
-            eps += self.cells.eps_along(cell, directions)
-        return eps
-
-    def _core_bound(
-        self,
-        a: Ints,
-        b: Ints,
-        own: int,
-        frame: FloatArray,
-        spread: FloatArray,
-        cosine: FloatArray,
-        is_chord: BoolArray | bool = False,
-    ) -> FloatArray:
-        """Return (core_p - core_q) n_p + rho_p - rho_q n_q n_p at least; -n_q n_p is from ``cosine`` to 1."""
-        cells, n = self.cells, len(a)
-        x, y = (cells.core[c].reshape(n, 4, 3) for c in ((a, b) if own == 0 else (b, a)))
-        eps = cells.core_eps[a] + cells.core_eps[b] + ROUNDED * self.size
-        along = np.einsum("nij,nkj->nik", frame, x), np.einsum("nij,nkj->nik", frame, y)
-        low = along[0].min(axis=2) - along[1].max(axis=2) - eps
-        high = along[0].max(axis=2) - along[1].min(axis=2) + eps
-        far = np.maximum(np.abs(low), np.abs(high))
-        share = 1.0 - spread[:, 0]
-        least = np.minimum(np.minimum(low[:, 0], low[:, 0] * share), high[:, 0] * share)
-        least = least - far[:, 1] * spread[:, 1] - far[:, 2] * spread[:, 2]
-        first, second = (a, b) if own == 0 else (b, a)
-        one, other = (self.sign * cells.rho[c, 0] for c in (first, second))
-        bound = least + one + np.minimum(other, other * cosine)
-        # A chord that meets a convex cylinder or sphere goes past its core: t - rho_p = |q - core_p|, and q is rho_q
-        # from its axis or centre.
-        way = cells.way[second]
-        off = x - y[:, :1]
-        off = off - np.einsum("nkj,nj->nk", off, way)[..., None] * way[:, None]
-        aside = np.linalg.norm(off, axis=2).max(axis=1) + eps[:, 0]
-        holds = is_chord & (cells.is_round[second, 0] > 0.0) & (aside < other * cosine)
-        found: FloatArray = np.where(holds, np.maximum(bound, one + other - aside), bound)
-        return found
+        self._pool.run(work, len(a))
+        return lower

@@ -13,13 +13,14 @@ import numpy as np
 
 from hybrid_rt.cad.model import CadModel
 from hybrid_rt.core.plain_records import as_json
+from hybrid_rt.core.progress import Progress
 from hybrid_rt.core.records import FloatArray
 from hybrid_rt.part.clearance import least_clearance
 from hybrid_rt.part.extremes import Box, Draft, box_of, drafts_of
-from hybrid_rt.part.features import Feature, features_of
+from hybrid_rt.part.features import Feature, features_of, shape_of
 from hybrid_rt.part.mass import Mass, mass_of
 from hybrid_rt.part.mesh_study import MeshRow, mesh_rows
-from hybrid_rt.part.pairs import Found
+from hybrid_rt.part.pairs import Found, Heard
 from hybrid_rt.part.walls import Walls
 from hybrid_rt.primitives.instances import Instances
 from meshing import TrimmedSurface
@@ -27,7 +28,7 @@ from meshing.checks import as_direction, number
 from meshing.surface import box_around
 
 # Tolerances of answers over the size: thickness and clearance, box; drafts, radians.
-FINE, BOXED, TURNED_BY = 1e-6, 1e-6, 1e-4
+FINE, BOXED, TURNED_BY = 1e-6, 1e-9, 1e-4
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,9 @@ class FaceRow:
     face : int
         Row of `CadModel.faces`.
     kind : str
+    area : float
+    radius : float
+        Of a cylinder, of a sphere, of the tube of a torus; nan of others.
     thickness, ball : float
         The least of the samples, along normals and of balls inside; nan: none has an opposite wall.
     draft : Draft or None
@@ -58,6 +62,8 @@ class FaceRow:
 
     face: int
     kind: str
+    area: float
+    radius: float
     thickness: float
     ball: float
     draft: Draft | None
@@ -145,23 +151,14 @@ class Report:
         """Return a table of all faces."""
         text = io.StringIO(newline="")
         rows = csv.writer(text, lineterminator="\n")
-        names = ["part", "face", "kind", "thickness", "ball"]
-        rows.writerow(
-            [
-                *names,
-                "draft_least",
-                "draft_most",
-                "draft_least_bound",
-                "draft_most_bound",
-                "undercut",
-            ]
-        )
+        names = ["face", "kind", "area", "radius", "thickness", "ball"]
+        drafts = ["draft_least", "draft_most", "draft_least_bound", "draft_most_bound"]
+        rows.writerow(["part", *names, *drafts, "undercut"])
         for part in self.parts:
             for row in part.faces:
                 draft = row.draft or [np.nan] * 4
-                rows.writerow(
-                    [part.part, row.face, row.kind, row.thickness, row.ball, *draft, row.undercut]
-                )
+                own = [getattr(row, name) for name in names]
+                rows.writerow([part.part, *own, *draft, row.undercut])
         return text.getvalue()
 
 
@@ -174,6 +171,7 @@ def part_report(
     clearances: bool = True,
     meshes: bool = False,
     threads: int | None = None,
+    progress: Progress | None = None,
 ) -> Report:
     """Report on the closed parts of a CAD model: volume, box, thickness, clearance, draft, holes and fillets.
 
@@ -192,6 +190,8 @@ def part_report(
     meshes : bool
         Whether the same answers are taken from meshes, too.
     threads : int, optional
+    progress : Progress, optional
+        Called with a stage, the thousandths of its time that a search has taken, and 1000.
 
     Returns
     -------
@@ -234,10 +234,10 @@ def part_report(
         same = [p for p in model.parts if (p.shape, p.is_mirrored, round(p.scale, 9)) == key]
         walls = Walls(surfaces, turned, threads)
         every.append(walls)
-        reports.append(_report(model, k, len(same), walls, faces, way, limit, meshes))
+        reports.append(_report(model, k, len(same), walls, faces, way, limit, meshes, progress))
     return Report(
         model.report["unit"], angle, None if way is None else tuple(way.tolist()), reports,
-        _clearances(bodies, limit, threads) if clearances else [], skipped, every,
+        _clearances(bodies, limit, threads, progress) if clearances else [], skipped, every,
     )  # fmt: skip
 
 
@@ -258,13 +258,14 @@ def surfaces_of_part(model: CadModel, part: int) -> tuple[list[TrimmedSurface], 
 
 
 def _report(
-    model: CadModel, k: int, places: int, walls: Walls, faces: list[int], pull: FloatArray | None, seconds: float, meshes: bool
+    model: CadModel, k: int, places: int, walls: Walls, faces: list[int], pull: FloatArray | None, seconds: float, meshes: bool,
+    progress: Progress | None,
 ) -> PartReport:  # fmt: skip
     size, part = walls.size, model.parts[k]
     box = box_of(walls.cells, walls.roots, size, BOXED * size)
-    mass = mass_of(walls.solid, walls.tracer, box.corners)
-    ray = walls.least_ray(FINE * size, seconds)
-    ball = walls.least_ball(FINE * size, seconds)
+    mass, areas = mass_of(walls.solid, walls.tracer, box.corners)
+    ray = walls.least_ray(FINE * size, seconds, _heard(progress, f"Thickness of part {k}"))
+    ball = walls.least_ball(FINE * size, seconds, _heard(progress, f"Balls of part {k}"))
     edges = [
         SharpEdge((faces[a], faces[b]), float(np.rad2deg(j.least)), j.place)
         for (a, b), j in walls.sharp.items()
@@ -276,7 +277,7 @@ def _report(
         Feature(f.kind, f.radius, tuple(faces[i] for i in f.faces), f.axis, f.depth, f.end)
         for f in features_of(walls)
     ]
-    rows = _face_rows(model, walls, faces, pull)
+    rows = _face_rows(model, walls, faces, areas, pull)
     table = mesh_rows(walls, mass.volume, ray) if meshes else []
     return PartReport(
         part.name, k, places, size, mass, box, ray, ball, edges, rows, features, table
@@ -284,12 +285,11 @@ def _report(
 
 
 def _face_rows(
-    model: CadModel, walls: Walls, faces: list[int], pull: FloatArray | None
+    model: CadModel, walls: Walls, faces: list[int], areas: FloatArray, pull: FloatArray | None
 ) -> list[FaceRow]:
     """Return a row for each face of the file."""
-    some = walls.samples
-    p, n, own = walls.cells.middle[some], walls.cells.frame[some][:, :3], walls.cells.ints[some, 1]
-    t, ball = walls.thickness(p, n), walls.balls_at(p, n, own)[0]
+    p, n, own, _ = walls.sampled
+    t, ball = walls.sampled_thickness, walls.sampled_balls[0]
     undercut = np.full(len(p), np.nan)
     drafts: list[Draft] = []
     if pull is not None:
@@ -306,7 +306,12 @@ def _face_rows(
             draft = Draft(*np.rad2deg([least[0], most[1], least[2], most[3]]).tolist())
         part = float(undercut[mine].mean()) if mine.any() else np.nan
         kind = str(model.faces["kind"][face])
-        rows.append(FaceRow(face, kind, _least(t[mine]), _least(ball[mine]), draft, part))
+        some = [i for i, f in enumerate(faces) if f == face]
+        shape = shape_of(walls.solid.surfaces[some[0]].surface)
+        rows.append(FaceRow(
+            face, kind, float(areas[some].sum()), np.nan if shape is None else shape.radius,
+            _least(t[mine]), _least(ball[mine]), draft, part,
+        ))  # fmt: skip
     return rows
 
 
@@ -315,7 +320,17 @@ def _least(values: FloatArray) -> float:
     return float(values[np.isfinite(values)].min()) if np.isfinite(values).any() else np.nan
 
 
-def _clearances(bodies: dict[int, Any], seconds: float, threads: int | None) -> list[Clearance]:
+def _heard(progress: Progress | None, stage: str) -> Heard:
+    """Return what tells how much of its time a search has taken."""
+    if progress is None:
+        return None
+    progress(stage, 0, 0)
+    return lambda share: progress(stage, min(int(1000 * share), 1000), 1000)
+
+
+def _clearances(
+    bodies: dict[int, Any], seconds: float, threads: int | None, progress: Progress | None
+) -> list[Clearance]:
     """Return the clearances of parts whose boxes come nearer than the smaller one's size."""
     boxes = {}
     for k, (surfaces, _) in bodies.items():
@@ -326,7 +341,7 @@ def _clearances(bodies: dict[int, Any], seconds: float, threads: int | None) -> 
         sizes = [float(np.linalg.norm(high - low)) for low, high in (boxes[a], boxes[b])]
         if np.linalg.norm(np.maximum(apart, 0.0)) <= min(sizes):
             one, other = bodies[a][0], bodies[b][0]
-            found.append(
-                Clearance((a, b), least_clearance(one, other, FINE * max(sizes), seconds, threads))
-            )
+            heard = _heard(progress, f"Clearance of parts {a} and {b}")
+            least = least_clearance(one, other, FINE * max(sizes), seconds, threads, heard)
+            found.append(Clearance((a, b), least))
     return found

@@ -10,7 +10,6 @@ are named, and count only where a chord is along both normals.
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,7 +20,8 @@ from hybrid_rt.distance import ClosestPoint
 from hybrid_rt.intersection.intersector import Intersector
 from hybrid_rt.part.cells import ALONG, BORDER, CREASE, FACE, Cells, Ints, Solid
 from hybrid_rt.part.joints import Joint, joints_of
-from hybrid_rt.part.pairs import BOTH, FIRST, TOUCHING, Found, PairSearch
+from hybrid_rt.part.kernels.bounds import BOTH, FIRST, TOUCHING
+from hybrid_rt.part.pairs import Found, Heard, PairSearch
 from meshing import TrimmedSurface
 
 # Rays leave from so far inside a border, and count from so far on, over the size of the part.
@@ -46,6 +46,8 @@ FANNED = 257
 SHRINKINGS = 40
 # Steps by which the point is found whose normal passes through a given one.
 FEET = 4
+# Chords of samples that are made shorter before the search, of each pair of faces so many; steps of each.
+SHORTENED, OF_PAIR, SETTLINGS, SMALLEST_STEP = 120, 2, 40, 1e-13
 
 
 @dataclass(frozen=True)
@@ -118,16 +120,31 @@ class Walls:
     def samples(self) -> Ints:
         """Cells of faces that are small, with their middles inside the loops."""
         leaves = self.roots[self.cells.ints[self.roots, 3] == FACE]
-        done = []
+        done, has = [], np.zeros(len(self.solid.surfaces), np.bool_)
         while len(leaves):
-            small = self.cells.radius[leaves, 0] <= SAMPLED * self.size
-            done.append(leaves[small])
-            leaves = leaves[~small]
+            face, is_in = self.cells.ints[leaves, 1], self.cells.ints[leaves, 6] == 1
+            radius = self.cells.radius[leaves, 0]
+            small = radius <= SAMPLED * self.size
+            has[face[small & is_in]] = True
+            # Of a narrow face cells become smaller until a middle is inside.
+            done.append(leaves[small & is_in])
+            leaves = leaves[~small | ~(has[face] | is_in | (radius < FROM * self.size))]
             self.cells.halved(leaves)
             leaves = self.cells.children[leaves].ravel()
             leaves = leaves[leaves >= 0]
-        every = np.concatenate(done)
-        return every[self.cells.ints[every, 6] == 1]
+        return np.concatenate(done)
+
+    @cached_property
+    def sampled(self) -> tuple[FloatArray, FloatArray, Ints, Exits]:
+        """Points of the samples, their normals and faces, and where their rays leave."""
+        some = self.samples
+        points, normals = self.cells.middle[some], self.cells.frame[some][:, :3]
+        return points, normals, self.cells.ints[some, 1], self.exits(points, normals)
+
+    @cached_property
+    def sampled_balls(self) -> tuple[FloatArray, FloatArray, Ints]:
+        """Balls of the samples, see `balls_at`."""
+        return self.balls_at(*self.sampled[:3])
 
     def exits(self, points: FloatArray, normals: FloatArray) -> Exits:
         """Trace rays from points of the surface along inward normals to where they leave."""
@@ -154,7 +171,14 @@ class Walls:
 
     def thickness(self, points: FloatArray, normals: FloatArray) -> FloatArray:
         """Return the thickness along normals at points of the surface; nan where the wall is not opposite."""
-        exits = self.exits(points, normals)
+        return self._thickness(normals, self.exits(points, normals))
+
+    @property
+    def sampled_thickness(self) -> FloatArray:
+        """The thickness of the samples."""
+        return self._thickness(*self.sampled[1::2])
+
+    def _thickness(self, normals: FloatArray, exits: Exits) -> FloatArray:
         return np.where(self.opposite(normals, exits, self.angle), exits.t, np.nan)
 
     # --- real chords
@@ -237,15 +261,47 @@ class Walls:
 
     def _first_value(self, found: Found) -> None:
         """Take the least of the samples at which walls are antiparallel."""
-        some = self.samples
-        p, n = self.cells.middle[some], self.cells.frame[some][:, :3]
-        exits = self.exits(p, n)
-        good = self.opposite(n, exits, ALIGNED)
-        faces = np.stack([self.cells.ints[some, 1], exits.face], axis=1)
-        good &= ~self._is_sharp(faces) | self.opposite(n, exits, ANTIPARALLEL)
-        t = np.where(good, exits.t, np.inf)
-        far = p - np.where(good, exits.t, 0.0)[:, None] * n
-        found.take(t, np.stack([p, far], axis=1), faces)
+        for p, n, face, exits in (self.sampled, (*self.settled, self.exits(*self.settled[:2]))):
+            good = self.opposite(n, exits, ALIGNED)
+            faces = np.stack([face, exits.face], axis=1)
+            good &= ~self._is_sharp(faces) | self.opposite(n, exits, ANTIPARALLEL)
+            t = np.where(good, exits.t, np.inf)
+            far = p - np.where(good, exits.t, 0.0)[:, None] * n
+            found.take(t, np.stack([p, far], axis=1), faces)
+
+    @cached_property
+    def settled(self) -> tuple[FloatArray, FloatArray, Ints]:
+        """Points, normals and faces at which chords of samples end that were made shorter.
+
+        The nearest points of both faces in turn: so chords come to be along both normals, where they are least.
+        """
+        p, n, own, exits = self.sampled
+        turned = -(n * np.nan_to_num(exits.normal)).sum(axis=1)
+        rows = np.flatnonzero(self.opposite(n, exits, self.angle))
+        code = own[rows] * len(self.solid.surfaces) + exits.face[rows]
+        chosen = []
+        for key in (exits.t[rows], -turned[rows]):
+            order = np.lexsort((key, code))
+            first = np.searchsorted(code[order], code[order])
+            chosen.append(rows[order[np.arange(len(order)) - first < OF_PAIR]])
+        every = np.unique(np.concatenate(chosen))
+        every = every[np.argsort(exits.t[every], kind="stable")[:SHORTENED]]
+        faces = np.stack([own[every], exits.face[every]], axis=1)
+        near = {
+            k: ClosestPoint(self.solid.surfaces[k], closed=[False], threads=1)
+            for k in np.unique(faces).tolist()
+        }
+        place, normal = p[every].copy(), n[every].copy()
+        for _ in range(SETTLINGS):
+            before = place.copy()
+            for side in (1, 0):
+                for k in np.unique(faces[:, side]).tolist():
+                    mine = faces[:, side] == k
+                    found = near[k].query(place[mine])
+                    place[mine], normal[mine] = found.position, found.normal
+            if np.abs(place - before).max(initial=0.0) < SMALLEST_STEP * self.size:
+                break
+        return place, normal, faces[:, 0]
 
     def pairs(self, search: PairSearch, reach: float, kind: int) -> tuple[Ints, Ints, Ints]:
         """Return the first pairs of cells, of chords along normals (FIRST) or of balls (TOUCHING).
@@ -279,16 +335,18 @@ class Walls:
         keeps = ~self._is_sharp(self.cells.ints[np.stack([a, b], axis=1), 1])
         return a[keeps], b[keeps]
 
-    def least_ray(self, tolerance: float, seconds: float) -> Found:
+    def least_ray(self, tolerance: float, seconds: float, heard: Heard = None) -> Found:
         """Find the least thickness along inward normals."""
-        began = time.perf_counter()
         found = Found()
         self._first_value(found)
-        search = PairSearch(self.cells, self.size, self.angle, zero=self.zero)
+        search = self._search(heard)
         pairs = self.pairs(search, min(found.value, self.size), FIRST)
-        search.least(pairs, found, self.chords, tolerance, began + seconds)
-        found.seconds = time.perf_counter() - began
-        return found
+        return search.least(pairs, found, self.chords, tolerance, seconds)
+
+    def _search(self, heard: Heard) -> PairSearch:
+        return PairSearch(
+            self.cells, self.size, self.angle, zero=self.zero, threads=self._threads, heard=heard
+        )
 
     @property
     def zero(self) -> float:
@@ -402,16 +460,11 @@ class Walls:
         under: BoolArray = covered[0] & covered[1]
         return under
 
-    def least_ball(self, tolerance: float, seconds: float) -> Found:
+    def least_ball(self, tolerance: float, seconds: float, heard: Heard = None) -> Found:
         """Find the least diameter of balls inside with opposite contacts."""
-        self.nearest.query(self.solid.box.mean(axis=0))  # compiled before the clock starts
-        began = time.perf_counter()
-        found, some = Found(), self.samples
-        found.take(*self.balls_at(
-            self.cells.middle[some], self.cells.frame[some][:, :3], self.cells.ints[some, 1]
-        ))  # fmt: skip
-        search = PairSearch(self.cells, self.size, self.angle, zero=self.zero)
+        found = Found()
+        found.take(*self.sampled_balls)
+        found.take(*self.balls_at(*self.settled))
+        search = self._search(heard)
         pairs = self.pairs(search, min(found.value, self.size), TOUCHING)
-        search.least(pairs, found, self._ball_chords, tolerance, began + seconds, self._are_blocked)
-        found.seconds = time.perf_counter() - began
-        return found
+        return search.least(pairs, found, self._ball_chords, tolerance, seconds, self._are_blocked)
