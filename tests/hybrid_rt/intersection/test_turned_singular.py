@@ -77,6 +77,18 @@ def test_tangent_at_the_tip_of_a_cone_in_closed_form():
     assert tangent.mean() > 0.3
 
 
+def test_far_from_a_tip_the_bound_has_room_for_the_rounding_of_t():
+    """The exact t of such a ray is no float64: half a spacing of these is the least bound there is."""
+    apex = np.array([0.3, -0.2, 0.1])
+    cone = SurfaceOfRevolution([(0, 0), (2, 1)], apex, (1, 2, 3))
+    rng = np.random.default_rng(6)
+    d = rng.normal(size=(500, 3))
+    beside = 10.0 ** rng.uniform(-17, -14, (500, 1)) * rng.normal(size=(500, 3))
+    hits = Intersector(cone).intersect(apex + beside - 10.0 ** rng.uniform(2, 4, (500, 1)) * d, d)
+    assert hits.hit.sum() > 150
+    assert (hits.t_bound >= 0.5 * np.spacing(hits.t))[hits.hit].all()
+
+
 @pytest.mark.parametrize("tilt", [0.0, 1e-300, 1e-120, 1e-90, 1e-18, 1e-12, 1e-6])
 def test_rays_along_the_axis_meet_it_on_every_side(tilt):
     """Where nothing leads across the axis no side of it is the first."""

@@ -266,7 +266,7 @@ ROWS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
         f"{EXTREMES}light_is_linear",
     )),
     ("F12", "light that few camera paths meet", "closed forms: held by the interval, or a warning", (
-        "integrators/photons/test_cross_check.py::test_interval_holds_rare_light_or_a_warning_says_so",
+        "integrators/probes/test_cross_check.py::test_interval_holds_rare_light_or_a_warning_says_so",
     )),
     ("F13", "both crossings of grazing rays, far from 0", "exact distances from the axis", (
         "intersection/test_grazing_pairs.py::test_no_crossing_of_a_grazing_pair_is_left_out",

@@ -284,8 +284,9 @@ def _offer_touch(i, near, t, thick, n_dot_d, slop, length, patch, ray, rays, bes
     slope = max(min(slope, there / length), FLATTEST)
     t_bound = 0.5 * thick + (4.0 * slop + 2.0 * gap) / slope
     t_bound += abs(t_near - t) * length
-    t_bound = t_bound / length * ray.to_world
     t_world = (t_near + ray.shift) * ray.to_world
+    # Far away the rounding of t counts.
+    t_bound = t_bound / length * ray.to_world + 2.0 * UNIT_ROUNDOFF * abs(t_world)
     slope *= length
     is_ahead = t_world + t_bound > rays.t_min[i]
     if not is_ahead or is_passed(i, t_world, t_bound, slope, patch.object_id, rays.known):

@@ -56,6 +56,7 @@ from hybrid_rt.intersection.kernels.search.tolerances import (
     DEPTH,
     FLATTEST,
     MAX_PIECES,
+    UNIT_ROUNDOFF,
 )
 from meshing.kernels.jit import inlined, inner
 
@@ -190,8 +191,9 @@ def halve_piece(i, segment, a, b, begins, ray, after, t_lo, t_cut, rays, best, w
                 s, near = approach_ray(control, start, degree, ray, after, a, b, t0, t1)
                 _, error = rounding(summed_degree(control, start, degree), size, ray, near)
                 t_bound = 0.5 * reach + 2.0 * error / slope + abs(near - middle) * length
-                t_bound = t_bound / length * to_world
                 t_world = (near + shift) * to_world
+                # Far away the rounding of t counts.
+                t_bound = t_bound / length * to_world + 4.0 * UNIT_ROUNDOFF * abs(t_world)
                 slope *= length
                 if (
                     t_world + t_bound > t_min[i]
