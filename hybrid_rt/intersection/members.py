@@ -47,7 +47,7 @@ def in_frames(
     size = np.linalg.norm(bounds[:, 1] - bounds[:, 0], axis=1)
     while todo:
         rows = todo.pop(0)
-        low, high = bounds[rows, 0].min(axis=0), bounds[rows, 1].max(axis=0)
+        low, high = box_around(bounds[rows])
         extent = float(np.linalg.norm(high - low))
         is_small = size[rows] < smallest * extent
         small = rows[is_small]
@@ -106,9 +106,7 @@ def in_order(
     plain, *sizes = by_size(np.array([surface.size for surface in surfaces]), many)
     if not sizes:
         return plain, len(plain), []
-    bounds = np.array([surface.bounds for surface in surfaces])
-    moved = np.array([surface.moved for surface in surfaces])
-    bounds += 2.0 * moved[:, None, None] * np.array([-1.0, 1.0])[:, None]
+    bounds = _boxes_of(surfaces)
     groups = [
         some[rows] for some in sizes for rows in in_frames(bounds[some], most=MOST_TREES, few=FEW)
     ]
@@ -129,11 +127,17 @@ def tree_over(bounds: FloatArray, begin: int, leaf_size: int = LEAF_SIZE) -> Mem
 
 def around(surfaces: Sequence[Surface]) -> FloatArray:
     """Return a box (2, 3) around some surfaces, and by how much they may be off; without end for none."""
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for surface in surfaces:
-        bounds, off = surface.bounds, 2.0 * surface.moved
-        low, high = np.minimum(low, bounds[0] - off), np.maximum(high, bounds[1] + off)
-    return np.stack([low, high])
+    if not surfaces:
+        return np.stack([np.full(3, np.inf), np.full(3, -np.inf)])
+    return box_around(_boxes_of(surfaces))
+
+
+def _boxes_of(surfaces: Sequence[Surface]) -> FloatArray:
+    """Return boxes (n, 2, 3) around each of some surfaces, and by how much it may be off."""
+    bounds = np.array([surface.bounds for surface in surfaces])
+    moved = np.array([surface.moved for surface in surfaces])
+    boxes: FloatArray = bounds + 2.0 * moved[:, None, None] * np.array([-1.0, 1.0])[:, None]
+    return boxes
 
 
 def box_of(tree: Tree, middle: FloatArray, to_frame: float) -> FloatArray:
