@@ -162,11 +162,17 @@ def calls_of(kinds: Sequence[Single]) -> tuple[NDArray[np.int64], NDArray[np.int
             describe,
         )
     ]
-    ends = np.cumsum([0, *map(len, lists)])
+    addresses, ends = addresses_of(lists)
     begins = np.array([ends[3 * k : 3 * k + 4] for k in range(len(kinds))], np.int64)
-    return np.array([call.address for some in lists for call in some], np.int64), begins.reshape(
-        -1, 4
-    )
+    return addresses, begins.reshape(-1, 4)
+
+
+def addresses_of(
+    lists: Sequence[Sequence[StoredCall]],
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the addresses of the calls of all lists, and where those of each begin, (lists + 1,)."""
+    addresses = np.array([call.address for some in lists for call in some], np.int64)
+    return addresses, np.cumsum([0, *map(len, lists)])
 
 
 def new_nearest(t_max: FloatArray) -> Nearest:

@@ -21,6 +21,7 @@ from hybrid_rt.intersection.kernels.sphere import sphere_table
 from hybrid_rt.intersection.kind import (
     OneRow,
     Single,
+    addresses_of,
     finished_part,
     new_nearest,
     new_record,
@@ -70,13 +71,13 @@ class SingleRayTracer:
                 number_of[kind_of == k] = len(ALONE) + len(self._others)
                 self._others.append(kind.single(row, kind_of, k))
         self.calls_nothing = not self._others
-        describe = [single.describe for single in self._others]
+        call, first_call = addresses_of([single.describe for single in self._others])
         self.tables = SingleRays(
             **tables,
             kind_of=number_of,
             row_of=row_of,
-            call=np.array([call.address for calls in describe for call in calls], np.int64),
-            first_call=np.cumsum([0, *map(len, describe)]),
+            call=call,
+            first_call=first_call,
             bottoms=bottoms_of(self._others),
             reach=reach,
             rounding=POINT_ROUNDING,
@@ -113,12 +114,12 @@ def bottoms_of(kinds: Sequence[Single]) -> Bottoms:
     away += POINT_ROUNDING * np.abs(box).max(axis=(1, 2), initial=0.0)
     box += away[:, None, None] * np.array([-1.0, 1.0])[:, None]
     lists = [some for calls in zip(*found, strict=True) for some in calls][len(found) :]
-    ends = np.cumsum([0, *map(len, lists)])
+    call, ends = addresses_of(lists)
     # A tree of nothing cannot be built.
     members = tree_over(box if found else np.array([[(0.0, 0.0, 0.0), (1.0, 1.0, 1.0)]]), 0, 1)
     return Bottoms(
         box=box,
-        call=np.array([call.address for calls in lists for call in calls], np.int64),
+        call=call,
         begin=np.stack([ends[: len(found) + 1], ends[len(found) :]]),
         members=members,
         stack=new_stack(members.tree),
