@@ -11,7 +11,8 @@ import numpy as np
 
 from hybrid_rt.integrators.kernels.branches import MOST_SPLITS
 from hybrid_rt.integrators.kernels.compaction import copy_path
-from hybrid_rt.integrators.kernels.path_vertex import NOTHING, arrive, depart
+from hybrid_rt.integrators.kernels.light_sampling import NOTHING
+from hybrid_rt.integrators.kernels.path_vertex import arrive, depart
 from hybrid_rt.integrators.kernels.vertex_points import (
     RUN_ACROSS,
     RUN_ALONG,

@@ -29,7 +29,12 @@ from hybrid_rt.integrators.kernels.glass_and_mirrors import (
     sample_specular,
     weight_of_emission,
 )
-from hybrid_rt.integrators.kernels.light_sampling import Receivers, choose_light, sample_light
+from hybrid_rt.integrators.kernels.light_sampling import (
+    NOTHING,
+    Receivers,
+    choose_light,
+    sample_light,
+)
 from hybrid_rt.integrators.kernels.vertex_points import (
     CHOICE,
     CONNECT,
@@ -56,7 +61,6 @@ from hybrid_rt.shading.kernels.scatter import (
 from hybrid_rt.shading.kernels.texture import texture_color
 from meshing.kernels.jit import inlined
 
-NOTHING = -1
 # Shadow rays of a vertex at most, without and with those by way of mirrors and glass: to a lamp, and of
 # both kinds of connections.
 FEW_SHADOW_RAYS = 3
